@@ -41,8 +41,10 @@ from forceid.motion.window import ORDER as ORDER
 from forceid.motion.window import Window as Window
 from forceid.motion.window import WindowChoice as WindowChoice
 from forceid.motion.window import choose_window as choose_window
+from forceid.motion.window import error_of_square as error_of_square
 from forceid.motion.window import noise_growth as noise_growth
 from forceid.motion.window import noise_variance as noise_variance
+from forceid.motion.window import smooth_taper as smooth_taper
 from forceid.motion.window import windows as windows
 
 sys.modules[__name__].__class__ = NamedAlike  # forceid.motion(position, time, ...) is called so too

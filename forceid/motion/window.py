@@ -43,15 +43,19 @@ class Window:
 class WindowChoice:
     """The window chosen, its target (time, k), and the target's variance (time, k): noise and bias.
 
-    bias_ratio: squared bias over noise variance, by which the variance exceeds that of the noise. resolved:
-    whether powers of the window tell its bias, and the target does not change within the shortest one.
+    bias_ratio: squared bias over noise variance, by which the variance exceeds that of the noise, as powers
+    of the window tell it. resolved: whether they do, and the target does not change within the shortest one.
+    compared: the window beside which it was judged; apart: how far both may be apart beyond noise, mean
+    square over the noise variance of the target, with the standard error that noise leaves it.
     """
 
     window: Window
     target: Array
     variance: Array
     bias_ratio: float
-    resolved: bool = True
+    resolved: bool
+    compared: Window
+    apart: float
 
 
 def windows(method: Route, time: Array) -> list[Window]:
@@ -158,49 +162,58 @@ def choose_window(
         fit = [i for i in pilots if candidates[i].count <= candidates[best].count]
         return max((i for i in fit if PILOT * noise(best) <= noise(i) < np.inf), default=first)
 
-    def best_after(pilot: int, scale: int, only: int | None = None) -> tuple[int, float]:
-        """Best candidate, or the only one, as the pilot sees it; its squared bias over its noise variance."""
+    def best_after(pilot: int, scale: int, only: int | None = None) -> tuple[int, float, float]:
+        """Best candidate, or the only one, as the pilot sees it; squared bias over noise, standard error."""
         taper = smooth_taper(len(at(pilot)[0]))
         weight = taper / at(scale)[1].sum(1)
         risk: dict[int, float] = {}
         ratio: dict[int, float] = {}
+        error: dict[int, float] = {}
         for i, w in enumerate(candidates):
             if w.count < candidates[pilot].count or only not in (None, i):
                 continue
             (T, v), (T_0, v_0) = at(i), at(pilot)
             v_shared = shared_noise(w, candidates[pilot]) * v
-            bias2, own = weight * ((T - T_0) ** 2 - v_0 - v + 2 * v_shared).sum(1), weight * v.sum(1)
+            between = weight * (v_0 + v - 2 * v_shared).sum(1)
+            bias2, own = weight * ((T - T_0) ** 2).sum(1) - between, weight * v.sum(1)
             known = np.isfinite(bias2)
             if not known.any():
                 continue
             total = taper[known].sum()
             risk[i] = float((bias2[known].sum() + own[known].sum()) / total)
             ratio[i] = float(bias2[known].sum() / own[known].sum())
+            error[i] = float(between[known].sum() / own[known].sum())
+            error[i] *= error_of_square(taper * known, candidates[pilot], T.shape[1])
             if ratio[i] > 3 and risk[i] > 3 * min(risk.values()):
                 break
+        if not risk:  # no sample of both
+            return pilot, 0.0, np.inf
         best = min(risk, key=risk.__getitem__)
-        return best, ratio[best]
+        return best, ratio[best], error[best]
 
     pilot = -1
     best = higher = first
     while higher > pilot:
         pilot = higher
-        best, _ = best_after(pilot, best)
+        best, *_ = best_after(pilot, best)
         higher = shorter(best)
     pilot = shorter(best)
-    best, ratio = best_after(pilot, best)
+    best, ratio, error = best_after(pilot, best)
     chosen, power, resolved = candidates[best], candidates[best].bias_power, True
+    other, apart = pilot, max(ratio, 0.0)
     if chosen.order == order and chosen.count > candidates[pilot].count:
         ratio /= (1 - (candidates[pilot].count / chosen.count) ** power) ** 2  # the pilot has bias as well
     elif best == pilot and (longer := next((i for i in pilots if i > best), None)) is not None:
         # no shorter one shows its bias: from that of the next longer, whose powers are the same
         less = (chosen.count / candidates[longer].count) ** power
-        apart = max(best_after(pilot, best, longer)[1], 0.0)
+        other, apart, error = best_after(pilot, best, longer)
+        apart = max(apart, 0.0)
         resolved = apart * noise(best) < THIRD**2 * float(np.nanmean((at(best)[0] ** 2).sum(1)))
         ratio = apart * (less / (1 - less)) ** 2
     ratio = max(ratio, 5 / (2 * power))  # noise falls as length^-5: what a minimum of their sum has
     target, variance = at(best)
-    return WindowChoice(chosen, target, variance * (1 + ratio), ratio, resolved)
+    beside, allowed = candidates[other], apart + max(error, 0.0)
+    return WindowChoice(chosen, target, variance * (1 + ratio), ratio, resolved, beside, allowed)
 
 
 def shared_noise(window: Window, pilot: Window) -> float:
@@ -214,6 +227,16 @@ def shared_noise(window: Window, pilot: Window) -> float:
     if window.method == "difference" and window.count != pilot.count:
         return 2 / 3 * (window.count / pilot.count) ** 2
     return 1.0
+
+
+def error_of_square(taper: Array, window: Window, axes: int) -> float:
+    """Relative standard error of a mean square of noise under a taper (time,): a window has a number an axis.
+
+    >>> round(error_of_square(np.ones(300), Window("savgol", 2, 7, 0.7), 1), 2)
+    0.32
+    """
+    numbers = axes * taper.sum() ** 2 / (taper**2).sum() / (2 * window.count + 1)
+    return float(np.sqrt(2 / numbers))
 
 
 def smooth_taper(n: int) -> Array:

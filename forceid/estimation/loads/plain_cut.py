@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtri
 
-from forceid.records import Array, Flags
+from forceid.estimation.verdict.finding import BRIDGED
+from forceid.records import Array, Flags, Indices
 
 STEEP = 8.0  # in power, an octave: midway between what errors rise by (4) and what motion does (16)
 VALLEY = 4.0  # in power, an octave: as the acceleration of errors like a random walk rises
@@ -90,6 +91,19 @@ def second_difference_spectrum(
     power = np.abs(np.fft.rfft(bent * taper[:, None], axis=0)) ** 2 / (taper**2).sum()
     dof = 2 * float((taper**2).sum() ** 2 / ((taper**4).sum() * (n - 2)))
     return np.asarray(np.fft.rfftfreq(n - 2, step)), np.asarray(power), dof, step
+
+
+def apiece(time: Array, beside: Array, lost: Indices) -> Array:
+    """What a channel has beside a path (sample,), without a line of its own in each part between long gaps.
+
+    lost (sample,): samples of the load that are not given before each. What it gave there is a jump in place
+    and slope behind.
+    """
+    ends = np.flatnonzero(np.diff(lost) > BRIDGED) + 1
+    if not len(ends):
+        return beside
+    parts = zip(np.split(time, ends), np.split(beside, ends), strict=True)
+    return np.concatenate([z - np.polyval(np.polyfit(t, z, min(len(t) - 1, 1)), t) for t, z in parts])
 
 
 def tapered(n: int) -> Array:

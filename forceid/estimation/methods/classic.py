@@ -12,10 +12,11 @@ from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.loads.channels import angular_channel, check_turns, force_channel
 from forceid.estimation.methods.noise import SAID, judge_filter, may_show, measured_errors, slow_and_small
 from forceid.estimation.methods.problem import Solution
+from forceid.estimation.methods.window_bias import bias_of
 from forceid.estimation.verdict.catalogue import note
-from forceid.estimation.verdict.finding import FEW, GROWTH, SCATTERED
+from forceid.estimation.verdict.finding import FEW, GROWTH
 from forceid.flight.channels import Channel
-from forceid.flight.color import Colored, LowPassed, cutoff_of_gain
+from forceid.flight.color import Colored, LowPassed
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import mean_square
@@ -31,9 +32,8 @@ from forceid.motion import (
     windows,
 )
 from forceid.principal import axial
-from forceid.records import Array, Body, Motion
+from forceid.records import Array, Body, Flags, Motion
 from forceid.rounding import SOLVED
-from forceid.significance import WHOLE
 from forceid.timing import stage
 
 ADDING = 252 / 924  # variance of the sixth difference of a walk, over that of its steps: C(10, 5) / C(12, 6)
@@ -60,7 +60,7 @@ def estimate_classic(
     time, candidates = kin.time, windows(settings.method, motion.time)  # type: ignore[arg-type]
     force = choose_force(kin, motion.gravity, candidates)
     path = derivatives(time, kin.pose.center, force.window)
-    looks, resolved = [path], force.resolved
+    resolved = force.resolved
     tuned = {"force_window_s": force.window.seconds} | {f"noise_std_{k}": v for k, v in kin.noise.items()}
     var = np.diagonal(kin.pose.cov[:, :3, :3], axis1=1, axis2=2)
     left = (kin.pose.center - path.value) / np.sqrt(var * np.maximum(1 - path.gain[:, :, 0, 0], SOLVED))
@@ -70,8 +70,9 @@ def estimate_classic(
         left, nis = np.zeros((len(time), 0)), np.full(len(time), np.nan)
     none = np.full((len(time), 3), np.nan)
     moment, H, omega, rotation = none, none, none, kin.pose.rotation
-    cov, lost = np.full((len(time), 6, 6), np.nan), np.asarray(~np.isfinite(kin.pose.center).all(1))
-    cov[:, :3, :3] = force_cov(kin, path) * local_bias(time, path, force, time[lost])
+    cov = np.full((len(time), 6, 6), np.nan)
+    seen: Flags = np.asarray(np.isfinite(kin.pose.center).all(1))
+    cov[:, :3, :3] = with_bias(time, seen, force, force_cov(kin, path), kin.color)
     amplitude, rate = np.nan_to_num(kin.amplitude), np.zeros_like(kin.amplitude)
     if kin.attitude:
         channel = measured_angular_channel(kin)
@@ -79,15 +80,13 @@ def estimate_classic(
         tuned["moment_window_s"] = chosen.window.seconds
         at = np.searchsorted(time, channel.time)
         turn = derivatives(channel.time, channel.z, chosen.window)
-        looks.append(turn)
         resolved &= chosen.resolved
-        unseen = np.setdiff1d(time, channel.time[np.isfinite(channel.z).all(1)])
         moment, H = none.copy(), none.copy()
         moment[at], H[at] = turn.second, turn.first
         H += 0.0 if kin.known is None else kin.known.momentum
-        cov[at, 3:, 3:] = moment_cov(channel, turn, kin.color) * local_bias(
-            channel.time, turn, chosen, unseen
-        )
+        shown: Flags = np.asarray(np.isfinite(channel.z).all(1))
+        noise = moment_cov(channel, turn, kin.color)
+        cov[at, 3:, 3:] = with_bias(channel.time, shown, chosen, noise, kin.color)
         cov[:, :3, 3:] = cov[:, 3:, :3] = 0.0
         omega, rotation = spin(kin, chosen.window)
         if amplitude.size:
@@ -98,12 +97,13 @@ def estimate_classic(
         left, nis, np.nan,
     )  # fmt: skip
     deformation = Deformation(amplitude, rate, *inertia_along(kin, amplitude, rate))
-    said = (*said, *judge_filter(kin, any(cut_by_filter(kin, d) for d in looks)))
+    said = (*said, *judge_filter(kin, missed=False))  # what was taken is in the claim
     found = (*said, note("slow-errors")) if shared else said
     if not resolved:
         found = (*found, note("load-within-window"))
-    if lost.mean() > SCATTERED:
-        found = (*found, note("gaps-in-windows", lost=lost.sum(), frames=len(lost)))
+    given = int(np.isfinite(state.force).all(1).sum())
+    if seen.sum() < FEW < len(seen) or 2 * given < len(seen):
+        found = (*found, note("gaps-in-windows", lost=(~seen).sum(), frames=len(seen), given=given))
     return Solution(kin, deformation, state, "scipy", tuned, dict.fromkeys(kin.noise, False), found)
 
 
@@ -133,29 +133,12 @@ def louder(channel: Channel) -> float:
     return times if times > SAID else 1.0
 
 
-def cut_by_filter(kin: Kinematics, d: Derivatives) -> bool:
-    """Whether the filter of low-passed tracks takes from what the window follows of a load."""
-    if not isinstance(kin.color, LowPassed):
-        return False
-    step = float(np.median(np.diff(kin.time)))
-    cut = cutoff_of_gain(np.asarray(np.nanmedian(d.gain[:, :, 2, 2])), step) / (2 * np.pi)
-    return bool(kin.color.power(cut) < WHOLE)
-
-
-def local_bias(time: Array, d: Derivatives, choice: WindowChoice, at: Array) -> Array:
-    """Variance (time, 1, 1) of a load over that of its noise: with the bias of its window.
-
-    Near samples lost at s (k,) a window of as many samples is longer. What it lets through of the noise falls
-    as length^-4, and its squared bias grows as length^(2 power).
-    """
-    gain = d.gain[:, :, 2, 2].mean(1)
-    known, less = np.isfinite(gain), np.ones(len(time))
-    if known.any() and len(at):
-        k = np.searchsorted(at, time)
-        near = np.minimum(time - np.append(-np.inf, at)[k], np.append(at, np.inf)[k] - time)
-        short = near <= choice.window.seconds
-        less[short] = np.maximum(np.median(gain[known]) / gain[short], 1.0)
-    return np.asarray(1 + choice.bias_ratio * less ** (1 + choice.window.bias_power / 2))[:, None, None]
+def with_bias(time: Array, seen: Flags, choice: WindowChoice, noise: Array, color: Colored | None) -> Array:
+    """Covariance (time, 3, 3) of a load: of its noise, and of what its window takes, along axes as that."""
+    filtered = color if isinstance(color, LowPassed) else None
+    bias = bias_of(time, seen, choice, np.trace(noise, axis1=1, axis2=2), filtered)
+    mean = np.nanmean(noise, axis=0)
+    return np.asarray(noise + bias[:, None, None] * mean / np.trace(mean))
 
 
 def choose_force(kin: Kinematics, gravity: Array, candidates: list[Window]) -> WindowChoice:

@@ -40,7 +40,7 @@ from forceid.flight.model import Flight
 from forceid.flight.smoother import SETTLED, FlightState
 from forceid.kalman.engines import Engine
 from forceid.motion import Pose
-from forceid.records import Array, Body, Finding, Level, Motion
+from forceid.records import Array, Body, Finding, Motion
 from forceid.rounding import SOLVED
 from forceid.significance import SIGMAS, TENTH
 from forceid.timing import stage
@@ -122,8 +122,7 @@ def estimate_unmarked(body: Body, motion: Motion, settings: Settings, engine: En
     if turn > (1 + SOLVED) * TURN:
         findings.append(note("turn-not-resolved", turn_rad=turn))
     if best.left > TENTH:
-        at_rest: Level = "ok" if best.left <= 1 else "degraded"  # less than all else that is claimed
-        findings.append(note("path-not-at-rest", at_rest, left=best.left))
+        findings.append(note("path-not-at-rest", left=best.left))
     if flight.sensors is None or flight.sensors.of(ACCELEROMETER) is None:
         gone = np.full_like(state.force, np.nan)
         cov = state.wrench_cov.copy()

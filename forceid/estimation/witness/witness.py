@@ -19,6 +19,7 @@ from forceid.estimation.loads.plain_cut import (
     STRETCH,
     Cut,
     MotionSpectrum,
+    apiece,
     plain_cuts,
     second_difference_spectrum,
     spectrum_of,
@@ -129,25 +130,24 @@ def apart_in_bands(
 ) -> dict[str, Array]:
     """How far a load is apart from a channel, by axis, in the band from zero in which it is farthest.
 
-    path (time, 3): the load integrated twice, where its samples do not tell it.
-
-    Half an octave from band to band, each with the noise of the channel in it.
+    path (time, 3): the load integrated twice, where its samples do not tell it. Half an octave from band to
+    band, each with the noise of the channel in it.
     """
     numbers = {name: np.full(3, np.nan) for name in COMPARED}
-    path = (integrated(time, load, 2) if path is None else path)[channel.frame]
     seen = np.isfinite(load) & np.isfinite(claim)
-    beside = channel.z - path
-    for column, known in zip(beside.T, (seen[channel.frame] & channel.whole[:, None]).T, strict=True):
-        if known.sum() >= FEW:
-            column[~known] = np.interp(channel.time[~known], channel.time[known], column[known])
-        else:
+    beside = channel.z - (integrated(time, load, 2) if path is None else path)[channel.frame]
+    missing, shown = np.cumsum(~seen, 0)[channel.frame], seen[channel.frame] & channel.whole[:, None]
+    for column, known, lost in zip(beside.T, shown.T, missing.T, strict=True):
+        if known.sum() < FEW:
             column[:] = 0.0
+            continue
+        column[known] = apiece(channel.time[known], column[known], lost[known])
+        column[~known] = np.interp(channel.time[~known], channel.time[known], column[known])
     f, apart, dof, step = second_difference_spectrum(channel.time, beside)
-    samples = len(channel.time) - 2
     count = max(int(2 * np.log2(STRETCH / step / f[LOWEST])) + 1, 1)
     ends = np.searchsorted(f, STRETCH / step * 2 ** (-0.5 * np.arange(count)))
-    weight = np.interp(time, channel.time[1:-1], tapered(samples)) ** 2
-    whole = np.concatenate([[1.0], np.full(len(f) - 1, 2.0)]) / samples  # bins to mean squares
+    weight = np.interp(time, channel.time[1:-1], tapered(len(channel.time) - 2)) ** 2
+    whole = np.concatenate([[1.0], np.full(len(f) - 1, 2.0)]) / (len(channel.time) - 2)  # to mean squares
     inexact = (2 * np.pi * f * step) ** 4 / 144  # of sums in place of integrals, in variance
     fits = (
         second_difference_spectrum(channel.time, channel.residual)[1].mean(1)

@@ -1,12 +1,11 @@
 """Difference, Savitzky-Golay and spline: their windows, what they recover, and what they claim."""
 
-from dataclasses import replace
-
 import closed_forms as cf
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from evidence.subjects.flights.failures.noise import smoothed_before
 from evidence.subjects.flights.failures.sensing import jitter
 from evidence.subjects.flights.trial import answered_flight
 from forceid.config import load_settings
@@ -15,18 +14,16 @@ from forceid.estimation.loads.channels import force_channel
 from forceid.estimation.methods.classic import (
     choose_force,
     choose_moment,
-    cut_by_filter,
     estimate_classic,
-    local_bias,
     louder,
     measured_angular_channel,
     spin,
 )
+from forceid.estimation.methods.window_bias import bias_of
 from forceid.estimation.run import estimate_recording
-from forceid.flight.color import LowPassed
 from forceid.kalman.engines import engine
 from forceid.motion.derivative import derivatives
-from forceid.motion.window import Window, WindowChoice, windows
+from forceid.motion.window import Window, WindowChoice, choose_window, windows
 
 ROUTES = ("difference", "savgol", "spline")
 
@@ -135,23 +132,81 @@ def test_markers_that_err_alone_leave_the_noise_as_they_show_it():
     assert louder(measured_angular_channel(kin)) == 1.0
 
 
-def test_windows_that_bridge_lost_samples_claim_the_bias_of_their_length():
-    time = cf.clock(200)
-    choice = WindowChoice(Window("savgol", 4, 10, 10 * (time[1] - time[0])), time, time, 0.5)
-    seen_at = np.delete(np.arange(200), np.arange(96, 104))
-    z = np.full((200, 1), np.nan)
-    z[seen_at] = np.sin(time[seen_at])[:, None]
-    growth = local_bias(time, derivatives(time, z, choice.window), choice, time[96:104])[:, 0, 0]
-    assert growth[:80] == pytest.approx(1.5)
-    assert growth[150:] == pytest.approx(1.5)
-    assert growth[100] > 3.0
+TIME = np.arange(240) / 200
+RATE = 12.0  # 1/s, of a Matern load
 
 
-@pytest.mark.parametrize(("cut", "taken"), [(40.0, False), (6.0, True)])
-def test_a_filter_matters_where_the_window_follows_what_it_took(cut, taken):
-    kin = seen(cf.toss())
-    step = float(np.median(np.diff(kin.time)))
-    filtered = replace(kin, color=LowPassed(4, cut, step))
-    window = Window("savgol", 4, round(0.07 / step), 0.07)
-    assert cut_by_filter(filtered, derivatives(kin.time, kin.pose.center, window)) is taken
-    assert not cut_by_filter(kin, derivatives(kin.time, kin.pose.center, window))
+def drawn(rng, noise, seen):
+    """Path (time, 3), seen or not, of a load of order 3, and the load: a sum of waves, in closed form."""
+    w = np.geomspace(0.05 * RATE, 20 * RATE, 400)
+    size = np.sqrt(np.gradient(w) / (RATE**2 + w**2) ** 3 * 16 * RATE**5 / (3 * np.pi))
+    a, b = size[:, None] * rng.standard_normal((2, len(w), 3))
+    c, s = np.cos(TIME[:, None] * w), np.sin(TIME[:, None] * w)
+    path = -(c @ (a / w[:, None] ** 2) + s @ (b / w[:, None] ** 2))
+    path += noise * rng.standard_normal(path.shape)
+    return np.where(seen[:, None], path, np.nan), c @ a + s @ b
+
+
+def gap(rng):
+    return (TIME < 0.5) | (TIME > 0.6)
+
+
+def scattered(rng):
+    return rng.random(len(TIME)) > 0.6
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("method", ROUTES)
+@pytest.mark.parametrize("lost", [gap, scattered])
+def test_what_a_window_takes_across_gaps_is_claimed(method, lost):
+    over, noise = [], 1e-4
+    for seed in range(12):
+        rng = np.random.default_rng([seed, 31])
+        seen = lost(rng)
+        z, load = drawn(rng, noise, seen)
+
+        def estimate(window, z=z):
+            d = derivatives(TIME, z, window)
+            return d.second, noise**2 * d.gain[:, :, 2, 2]
+
+        choice = choose_window(windows(method, TIME), estimate)
+        own = estimate(choice.window)[1].sum(1)
+        bias = bias_of(TIME, seen, choice, own)
+        near = slice(30, 210)
+        off = ((choice.target - load) ** 2).sum(1)[near]
+        over.append(np.nanmean(off) / np.nanmean((own + bias)[near]))
+    assert 0.2 < np.sqrt(np.mean(over)) < 1.3
+
+
+def test_a_gap_costs_the_samples_beside_it_and_no_others():
+    seen = gap(None)
+    window = Window("savgol", 4, 10, 0.05)
+    choice = WindowChoice(
+        window, np.sin(9 * TIME)[:, None], TIME, 1.0, True, Window("savgol", 4, 7, 0.035), 1.0
+    )
+    d = derivatives(TIME, np.where(seen, TIME, np.nan)[:, None], window)
+    bias = bias_of(TIME, seen, choice, d.gain[:, 0, 2, 2] * 1e-9)
+    assert np.ptp(bias[20:80]) < 0.01 * bias[50]
+    assert bias[99] > 3 * bias[50]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("method", ROUTES)
+def test_what_a_filter_took_at_the_source_is_claimed(method):
+    over = []
+    for seed in range(3):
+        case = smoothed_before(15, np.random.default_rng([seed, 2028]))
+        found = answered_flight(estimate_recording, method, "auto", case)
+        assert found.verdict == "ok"
+        over.append(found.over)
+    assert np.max(over) < 2.0
+
+
+def test_so_few_frames_that_nothing_is_told_are_said():
+    recording = cf.toss()
+    x = recording.motion.position.copy()
+    for kept, said in ((15, True), (60, False)):
+        lost = np.ones(len(x), bool)
+        lost[np.linspace(0, len(x) - 1, kept).astype(int)] = False
+        found = solved(cf.seen_as(recording, np.where(lost[:, None, None], np.nan, x)), "savgol").findings
+        assert ("gaps-in-windows" in [f.code for f in found]) is said

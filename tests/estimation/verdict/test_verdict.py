@@ -70,19 +70,19 @@ def test_good_record_gives_no_finding():
 
 
 @pytest.mark.parametrize(
-    ("body", "words"),
+    ("body", "words", "level"),
     [
-        (cf.whole([0, 0, 0]), "one marker is a particle"),
-        (cf.whole([0.1, 0, 0], [-0.1, 0, 0]), "the 2 markers lie on a line"),
-        (cf.whole([0.1, 0, 0], [-0.1, 0, 0], [0.3, 0, 0]), "the 3 markers lie on a line"),
+        (cf.whole([0, 0, 0]), "one marker is a particle", "degraded"),
+        (cf.whole([0.1, 0, 0], [-0.1, 0, 0]), "the 2 markers lie on a line", "ok"),
+        (cf.whole([0.1, 0, 0], [-0.1, 0, 0], [0.3, 0, 0]), "the 3 markers lie on a line", "ok"),
     ],
     ids=["one", "two", "line"],
 )
-def test_markers_that_do_not_fix_the_rotation_are_named_with_a_next_step(body, words):
+def test_markers_that_do_not_fix_the_rotation_are_named_with_a_next_step(body, words, level):
     (found,) = judge_recording(seen(cf.toss(body=body)))
     assert words in found.text
     assert "; add " in found.text
-    assert found.level == "degraded"
+    assert found.level == level  # on a line the force is right; a marker alone may swing
 
 
 def test_unseen_mass_center_is_refused():
@@ -419,23 +419,25 @@ def test_coordinates_rounded_to_more_than_their_noise_are_said(step, said):
 
 
 def test_markers_that_stick_to_the_edge_of_the_volume_are_left_out_and_said():
-    recording = clipping(0.4, np.random.default_rng(1)).recording
+    recording = clipping(0.6, np.random.default_rng(1)).recording
     motion, mended = cleaned(recording.body, recording.motion)
     stuck = recording.motion.position[..., 0] == mended.edge
     assert stuck.any()
     assert not np.isfinite(motion.position[stuck]).any()
     (found,) = judge_mending(mended)
     assert "markers stick at x" in found.text
-    assert found.level == "degraded"
+    assert found.level == "degraded"  # most of the record
+    assert judge_mending(replace(mended, stuck=mended.frames // 3))[0].level == "ok"
     at_rest = np.repeat(recording.motion.position[:1], 50, 0)
     for still in (cf.toss().motion, replace(recording.motion, time=np.arange(50.0), position=at_rest)):
         assert not cleaned(recording.body, still)[1].stuck
 
 
 @pytest.mark.long
-def test_a_few_frames_at_an_edge_leave_force_and_moment_as_claimed():
+@pytest.mark.parametrize("share", [0.01, 0.03, 0.3])
+def test_frames_at_an_edge_leave_force_and_moment_as_claimed(share):
     for seed in range(3):
-        record = clipping(0.03, np.random.default_rng([seed, 5])).recording
+        record = clipping(share, np.random.default_rng([seed, 5])).recording
         found, inner = estimate_recording(record, load_settings()), slice(30, -30)
         assert found.verdict.level == "ok"
         assert "markers-stuck" in found.verdict.codes

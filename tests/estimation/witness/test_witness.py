@@ -11,6 +11,7 @@ from evidence.subjects.flights.drawn_loads import draw_matern
 from forceid.config import load_settings
 from forceid.errors import EstimationError
 from forceid.estimation import run
+from forceid.estimation.loads.plain_cut import apiece
 from forceid.estimation.witness.plain_route import plain_route
 from forceid.estimation.witness.witness import (
     apart_in_bands,
@@ -187,3 +188,11 @@ def test_smoother_that_fails_leaves_the_plain_route_as_the_estimate(estimated, m
         np.testing.assert_array_equal(getattr(result, name), getattr(result.witness, name))
         score = (getattr(result, name) - recording.truth[name]) / getattr(result, f"{name}_std")
         assert 0.2 < cf.rms(score[15:-15]) < 2.5
+
+
+def test_what_a_load_gave_in_a_long_gap_is_not_held_against_it():
+    time = np.r_[:40, 60:100] / 100
+    wave, jump = np.sin(33 * time), np.where(time < 0.5, 0.0, 2.0 + 5.0 * time)
+    lost = np.where(time < 0.5, 0, 20)
+    np.testing.assert_allclose(apiece(time, wave + jump, lost), apiece(time, wave, lost), atol=1e-12)
+    np.testing.assert_array_equal(apiece(time, jump, lost // 5), jump)

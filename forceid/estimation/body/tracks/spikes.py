@@ -137,9 +137,13 @@ def clipped(position: Array) -> tuple[Flags, str, float]:
     for axis, name in enumerate("xyz"):
         values = position[..., axis]
         seen = np.isfinite(values)
-        for edge in (np.nanmin(values, initial=np.inf), np.nanmax(values, initial=-np.inf)):
+        edges = np.nanmin(values, initial=np.inf), np.nanmax(values, initial=-np.inf)
+        inner = values[seen & ~np.isin(values, edges)]
+        # of readings of which no other two are alike, no two meet at an edge either
+        few = 1 if len(np.unique(inner)) == len(inner) else max(STUCK, STUCK_PART * seen.sum())
+        for edge in edges:
             stuck = (values == edge) & ~rest[:, axis]
-            if stuck.sum() > max(STUCK, STUCK_PART * seen.sum()):
+            if stuck.sum() > few:
                 found |= stuck
                 if stuck.sum() > most:
                     most, where, at = int(stuck.sum()), name, float(edge)
