@@ -194,22 +194,22 @@ def test_settings_that_the_body_cannot_meet_exit_2(file, setting, capsys):
 
 
 @pytest.mark.parametrize(
-    ("position", "words", "verdict"),
+    ("position", "words"),
     [
-        (CORNERS[:1], "particle", "degraded"),
-        (CORNERS[:2], "the 2 markers lie on a line", "ok"),
-        (np.outer([0.0, 0.1, 0.3], [1.0, 2.0, 3.0]), "the 3 markers lie on a line", "ok"),
+        (CORNERS[:1], "particle"),
+        (CORNERS[:2], "the 2 markers lie on a line"),
+        (np.outer([0.0, 0.1, 0.3], [1.0, 2.0, 3.0]), "the 3 markers lie on a line"),
     ],
     ids=["single particle", "two markers", "collinear"],
 )
-def test_few_markers_are_no_error(file, position, words, verdict, capsys):
+def test_few_markers_are_no_error(file, position, words, capsys):
     recording = thrown(position=position)
     center, tensor = position.mean(0), 1e-3 * np.eye(3)
     body = replace(recording.body, mass=None, total_mass=0.1, mass_center=center, inertia=tensor)
     write_motion(file, replace(recording, body=body))
     assert main(["estimate", str(file)]) == 0
     streams = capsys.readouterr()
-    assert streams.out.startswith(f"verdict  {verdict}")
+    assert streams.out.startswith("verdict  degraded")
     assert words in " ".join(streams.out.split())
     assert streams.err == ""
     with h5py.File("toss.result.h5") as f:

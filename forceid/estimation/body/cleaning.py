@@ -67,7 +67,7 @@ def before_filter(motion: Motion, kin: Kinematics) -> tuple[Motion, LowPassed | 
     found = source_filter(motion.time, shown, lambda time, tracks: beyond_rigid(time, tracks, kin).y)
     if found is None:
         return motion, None, None
-    return replace(motion, position=undone(motion.position, *found)), *found[:2]
+    return replace(motion, position=undone(motion.position, *found)), *found
 
 
 def cleaned(body: Body, motion: Motion) -> tuple[Motion, Mended]:

@@ -105,7 +105,8 @@ def markers_of(body: Body, motion: Motion, noise: dict[str, Array], stated: bool
     oriented, modes, shape, residual = observed_rank(X, seen, sigma) == 6, None, X, x[:0]
     if oriented:
         modes = None if thin.on_line or thin.point else modes_of(body, inertia)
-        shape = spinning_shape(motion.time, np.where(best, x, np.nan), X, inertia, modes, weight, sigma)
+        var = np.where(best[..., 0], filled, 0.0).sum(0) / best.sum()
+        shape = spinning_shape(motion.time, np.where(best, x, np.nan), X, inertia, modes, weight, sigma, var)
         # in the gauge of the weights, before any marker's noise is weighed
         center, R = fit_rotation(x, shape, weight)
         residual = np.where(best, body_axes(x, center, R) - shape, np.nan)
@@ -154,12 +155,16 @@ def rank_of(shape: Array, nodes: Flags) -> int:
 
 
 def spinning_shape(
-    time: Array, x: Array, X: Array, inertia: Inertia, modes: Modes | None, weight: Array, sigma: float
-) -> Array:
-    """The mean shape, where the record shows that it is not the reference shape; else the reference."""
+    time: Array, x: Array, X: Array, inertia: Inertia, modes: Modes | None, weight: Array, sigma: float,
+    bridged: Array,
+) -> Array:  # fmt: skip
+    """The mean shape, where the record shows that it is not the reference shape; else the reference.
+
+    bridged (node,) m2: mean error variance of what bridges gaps, whose errors follow each other.
+    """
     shape = mean_shape(x, X, weight)
     frames = np.isfinite(x).all(2).sum(0)
-    error = sigma / np.sqrt(frames.clip(1))
+    error = np.sqrt(sigma**2 / frames.clip(1) + bridged)
     if not (np.abs(shape - X).max(1) > WILD * error).any():
         return X
     hidden = (inertia.weight > 0) & (frames == 0)

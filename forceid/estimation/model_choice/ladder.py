@@ -50,6 +50,7 @@ from forceid.estimation.model_choice.load_seen import (
 )
 from forceid.estimation.model_choice.words import LevelChoice, sentence_of, without_choice
 from forceid.estimation.verdict.finding import FEW
+from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.color import LowPassed
 from forceid.kalman.engines import Engine
 from forceid.records import Body, Motion
@@ -90,6 +91,8 @@ def choose_level(
     if beyond is None or not beyond.y.shape[1]:
         return without_shapes("so few markers show no deformation")
     if beyond.frames < FEW:
+        if rigid_fits(at_level(markers, rigid)):
+            return without_shapes("the markers that each frame shows keep their shape")
         solution = solve(settings, at_level(markers, settings), None)
         said = f"{beyond.frames} frames that show every marker are too few to tell levels apart"
         return without_choice(solution.kinematics.model, said), solution
@@ -116,6 +119,12 @@ def choose_level(
     # modes that a body brings are taken, whether shapes show them or poses alone, unless rigid is as good
     best = len(candidates) - 1 if own_modes else explaining(steps)
     return descend(motion, candidates, steps, best, engine, solve)
+
+
+def rigid_fits(kin: Kinematics) -> bool:
+    """Whether the markers that each frame shows, all or some, leave the rigid shape by no more than noise."""
+    dof = kin.pose.dof > 0
+    return bool(np.nansum(kin.pose.chi_square[dof]) < NIS_BAND[1] * kin.pose.dof[dof].sum())
 
 
 def quiet(beyond: Beyond, level: LevelCandidate, kin: Kinematics) -> bool:

@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 from forceid.config import load_settings
 from forceid.estimation.body.cleaning import before_filter
 from forceid.estimation.body.kinematics import kinematics
-from forceid.estimation.body.tracks.source_filter import BUTTERWORTH, RESTORED, undoing
+from forceid.estimation.body.tracks.source_filter import BUTTERWORTH, RESTORED, undoing, undone
 from forceid.estimation.run import estimate_recording
+from forceid.flight.color import LowPassed
 from forceid.records import Array, Body, Motion, Recording
 
 RATE, SAMPLES, SPIN, SWING = 200.0, 500, 15.0, 8.0  # Hz, frames, rad/s, Hz
@@ -77,17 +78,17 @@ def test_no_filter_is_found_in_raw_tracks_and_in_those_whose_errors_remember():
             assert before_filter(motion, kin)[1] is None
 
 
-def test_where_a_filter_bent_no_motion_the_ends_of_the_record_are_kept():
-    rng = np.random.default_rng(5)
-    turning, _ = swinging(rng)
-    slow = 0.1 * np.cos(2.0 * turning.motion.time)[:, None, None] + turning.body.position
-    still = Recording(turning.body, Motion(turning.motion.time, slow, gravity=np.zeros(3)))
-    for recording, bent in ((still, False), (turning, True)):
-        filtered = seen(recording, rng, cut=20.0)
-        kin = kinematics(filtered.body, filtered.motion, load_settings())
-        motion, source, _ = before_filter(filtered.motion, kin)
-        assert source is not None
-        assert np.isnan(motion.position[[0, -1]]).all() == bent
+@pytest.mark.parametrize("order", BUTTERWORTH)
+def test_tracks_are_as_before_the_filter_nearly_up_to_their_ends(order):
+    recording = swinging(np.random.default_rng(5))[0]
+    filtered = sosfiltfilt(butter(order, 2 * 20.0 / RATE, output="sos"), recording.motion.position, axis=0)
+    source, left = LowPassed(order, 20.0, 1 / RATE), LowPassed(4, 40.0, 1 / RATE)
+    off = np.abs(undone(filtered, source, left) - recording.motion.position).max((1, 2))
+    lost = order + 4
+    assert np.isnan(off[:lost]).all()
+    assert off[lost:-lost].max() < 2 * NOISE
+    assert off[16:-16].max() < 0.3 * NOISE
+    assert np.abs(filtered - recording.motion.position)[16:-16].max() > 3 * NOISE
 
 
 def test_a_moment_that_swings_is_as_large_as_before_the_filter():

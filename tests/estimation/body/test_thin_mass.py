@@ -84,7 +84,8 @@ def test_mass_on_a_line_has_the_moment_across_it_within_its_claim(estimated, see
     recording = swung(*JAVELIN, **seen)
     result = estimated(recording, method=method)
     size = cf.rms(recording.truth["moment"])
-    assert 0.3 < score(result, recording, "moment") < 1.7
+    least = 0.3 if method == "smoother" else 0.1  # a window claims what is too fast for it, too
+    assert least < score(result, recording, "moment") < 1.7
     assert score(result, recording, "force") < 1.7
     assert cf.rms((result.moment - recording.truth["moment"])[15:-15]) < 0.1 * size
     assert result.verdict.level == "ok"

@@ -162,13 +162,22 @@ def test_number_of_modes_asked_for_is_the_only_one_tried():
     ("recording", "settings", "why"),
     [
         (cf.mean_motion(), {}, "a mean motion shows no deformation"),
-        (cf.toss(time=cf.clock(15)), {}, "15 frames that show every marker are too few"),
+        (cf.toss(time=cf.clock(15)), {}, "the markers that each frame shows keep their shape"),
+        (cf.toss(time=cf.clock(15), breath=0.05), {}, "15 frames that show every marker are too few"),
         (cf.toss(body=cf.whole([0, 0, 0])), {}, "so few markers show no deformation"),
         (cf.toss(body=cf.points([0, 0, 0, 0.2])), {}, "all mass lies on a line or a point"),
         (cf.toss(breath=0.05), {"modes": 0}, "no modes are asked for"),
         (cf.toss(), {}, "no deformation stands out of the noise"),
     ],
-    ids=["mean motion", "too few frames", "one marker", "a particle", "no modes wanted", "rigid"],
+    ids=[
+        "mean motion",
+        "few frames, rigid",
+        "too few frames",
+        "one marker",
+        "a particle",
+        "no modes wanted",
+        "rigid",
+    ],
 )
 def test_where_nothing_is_to_choose_one_flight_is_solved_and_it_is_said_why(recording, settings, why):
     (choice, _), solved = climbed(recording, **settings)

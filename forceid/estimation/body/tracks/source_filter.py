@@ -25,7 +25,7 @@ from forceid.flight.channels import CHANNEL_SAMPLES, FLIGHT_SAMPLES, middle
 from forceid.flight.color import LowPassed
 from forceid.kalman.tuning.robust import runs
 from forceid.records import Array
-from forceid.significance import MEDIAN, NUMBER, PATIENCE, TENTH
+from forceid.significance import MEDIAN, NUMBER, TENTH
 
 BUTTERWORTH = (2, 3, 4)  # of Butterworth's filters: both ways, two and three fall as smoothing splines do
 RESTORED = 0.2  # cycles a sample up to which tracks are restored: beyond, the series gets long
@@ -58,9 +58,8 @@ class Fit:
 Rest = Callable[[Array, Array], Array]  # of tracks (time, node, 3) at times: (time, number) that is not rigid
 
 
-def source_filter(time: Array, position: Array, rest: Rest) -> tuple[LowPassed, LowPassed, bool] | None:
-    """The filter that tracks (time, node, 3) went through, what is left once it is undone, and whether it has
-    bent the motion.
+def source_filter(time: Array, position: Array, rest: Rest) -> tuple[LowPassed, LowPassed] | None:
+    """The filter that tracks (time, node, 3) went through, and what is left of it once it is undone.
 
     rest: what no rigid motion makes of tracks at some times. None where no filter shows, or none that is
     worth undoing.
@@ -96,19 +95,16 @@ def source_filter(time: Array, position: Array, rest: Rest) -> tuple[LowPassed, 
     if best.spread > WITHIN_CHANCE or upto < WORTH * best.cut:
         return None
     one = float(np.median(step))
-    source, left = (
-        LowPassed(*each, one) for each in ((best.order, best.cut / one), (BUTTERWORTH[-1], upto / one))
-    )
-    return source, left, bends(x, best, upto)
+    return LowPassed(best.order, best.cut / one, one), LowPassed(BUTTERWORTH[-1], upto / one, one)
 
 
-def spectrum(y: Array, first: int = TAPERED) -> tuple[Array, Array]:
-    """Cycles a sample (bin,) and mean power (bin,) of numbers y (time, number), from a `first` bin on."""
+def spectrum(y: Array) -> tuple[Array, Array]:
+    """Cycles a sample (bin,) and mean power (bin,) of numbers y (time, number)."""
     n = len(y)
     taper = np.sin(np.pi * (np.arange(n) + 0.5) / n) ** TAPERED
     taper /= np.sqrt((taper**2).sum())
     waves = np.fft.rfft((y - taper @ y / taper.sum()) * taper[:, None], axis=0)
-    kept = slice(first, -1)
+    kept = slice(TAPERED, -1)
     return np.asarray(np.fft.rfftfreq(n)[kept], float), np.asarray(
         (np.abs(waves[kept]) ** 2).sum(1) / max(y.shape[1], 1)
     )
@@ -131,27 +127,16 @@ def fit(rest: Rest, time: Array, position: Array, order: int, cut: float, upto: 
     return Fit(order, cut, -ALONE * numbers * float(misfit.sum()), float(off), noise)
 
 
-def bends(position: Array, found: Fit, upto: float) -> bool:
-    """Whether a filter has bent the motion that tracks (time, node, 3) show, and noise does not hide it."""
-    weights, inner = undoing(found.order, found.cut), slice(MOST_LOST, len(position) - MOST_LOST)
-    change = (correlate1d(position, weights, axis=0) - position)[inner]
-    f, power = spectrum(change.reshape(len(change), -1), 1)
-    kept = f < upto
-    changed = (1 - 1 / gain(weights, f[kept])) ** 2  # of noise; a tenth of its deviation is no bend
-    ratio = power[kept] / (found.noise * (TENTH**2 + changed))
-    numbers = ALONE * np.isfinite(position[0]).sum()
-    likelier = np.where(ratio > 1, numbers * (ratio - 1 - np.log(np.maximum(ratio, 1))), 0.0)
-    return bool(likelier.max() > PATIENCE + np.log(len(ratio)))
-
-
 def gain(weights: Array, f: Array) -> Array:
     """What symmetric weights of neighbors make of waves of f (...) cycles a sample."""
     lags = np.arange(len(weights)) - len(weights) // 2
     return np.asarray(np.cos(2 * np.pi * f[..., None] * lags) @ weights)
 
 
-def undoing(order: int, cut: float) -> Array:
+def undoing(order: int, cut: float, reach: int = MOST_LOST) -> Array:
     """Weights (2 lost + 1,) of neighbors that undo a filter run both ways; cut: cycles a sample.
+
+    reach: neighbors on either side, at most; with fewer, what is near half the rate is undone less.
 
     >>> x = np.cumsum(np.random.default_rng(0).standard_normal(400))
     >>> slow = sosfiltfilt(butter(4, 2 * 0.1, output="sos"), x)  # as slow as it may be
@@ -161,8 +146,8 @@ def undoing(order: int, cut: float) -> Array:
     True
     """
     b, a = butter(order, 2 * cut)
-    highest, share = np.sin(np.pi * RESTORED) ** 2, np.zeros(0)
-    while not len(share) or share[-1] > LEFT_OUT:  # (1 - s)^-order, s = (2 - z - 1/z) / 4
+    highest, share = np.sin(np.pi * RESTORED) ** 2, np.ones(1)
+    while share[-1] > LEFT_OUT and len(share) <= reach - order:  # (1 - s)^-order, s = (2 - z - 1/z) / 4
         k = len(share)
         share = np.append(share, comb(order - 1 + k, k) * highest**k)
     total, term = np.zeros(1), np.ones(1)
@@ -172,22 +157,23 @@ def undoing(order: int, cut: float) -> Array:
     return np.asarray(np.convolve(np.convolve(a, a[::-1]) / (2**order * b[0]) ** 2, total))
 
 
-def undone(position: Array, source: LowPassed, left: LowPassed, bent: bool) -> Array:
-    """Tracks (time, node, 3) as before a filter, but for what is `left` of it.
-
-    bent: whether it has bent the motion; then their ends, which are not undone, are NaN, else as they are.
-    """
-    weights = undoing(source.order, source.cut * source.step)
-    lost = len(weights) // 2
+def undone(position: Array, source: LowPassed, left: LowPassed) -> Array:
+    """Tracks (time, node, 3) as before a filter, but for what is `left` of it; NaN at their very ends."""
+    order, cut = source.order, source.cut * source.step
+    weights = undoing(order, cut)
     smooth = partial(sosfiltfilt, butter(left.order, 2 * left.cut * left.step, output="sos"), axis=0)
     out = np.full_like(position, np.nan)
     for k in range(position.shape[1]):
         for first, length in runs(np.asarray(np.isfinite(position[:, k]).all(1))):
             if length < IN_A_ROW:
                 continue
-            track, skipped = position[first : first + length, k], lost if bent else 0
+            track = position[first : first + length, k]
             restored = correlate1d(track, weights, axis=0)
-            restored[:lost], restored[length - lost :] = track[:lost], track[length - lost :]
-            inner = slice(skipped, length - skipped)
-            out[first : first + length, k][inner] = smooth(restored[inner])
+            for i in range(order, len(weights) // 2):
+                near = undoing(order, cut, i)
+                restored[i] = near @ track[: 2 * i + 1]
+                restored[length - 1 - i] = near @ track[length - 1 - 2 * i :]
+            restored[order : length - order] = smooth(restored[order : length - order])
+            told = slice(order + left.order, length - order - left.order)  # where both filters have neighbors
+            out[first : first + length, k][told] = restored[told]
     return out
