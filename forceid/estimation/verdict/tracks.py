@@ -18,7 +18,7 @@ from forceid.significance import CHANCE, WILD, WORSE
 # of frames: as many mistakes as were found may be left below the limit, evenly spread up to it, and make the
 # noise that much larger
 BORNE = (WORSE**2 - 1) / (WILD**2 / 3)
-MANY = 0.05  # of readings that are spikes: of so many one stands beside another
+MANY = 0.05  # of readings that are spikes, or frames at an edge: of so many one stands beside another
 NAMED = 4  # markers in a sentence: as many as a reader takes in at a look
 
 
@@ -27,7 +27,8 @@ def judge_mending(mended: Mended) -> list[Finding]:
     found = []
     if mended.stuck:
         at, count, frames = mended.edge, mended.stuck, mended.frames
-        level: Level = "ok" if 2 * count < frames else "degraded"  # else most of the record is not seen
+        # beside an edge noise is cut off on one side, which pulls those that are left
+        level: Level = "ok" if count <= MANY * frames else "degraded"
         found.append(note("markers-stuck", level, axis=mended.axis, edge_m=at, count=count, frames=frames))
     if mended.source is not None and mended.left is not None:
         cut, upto = mended.source.cut, mended.left.cut

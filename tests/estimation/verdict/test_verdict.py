@@ -419,22 +419,22 @@ def test_coordinates_rounded_to_more_than_their_noise_are_said(step, said):
 
 
 def test_markers_that_stick_to_the_edge_of_the_volume_are_left_out_and_said():
-    recording = clipping(0.6, np.random.default_rng(1)).recording
+    recording = clipping(0.4, np.random.default_rng(1)).recording
     motion, mended = cleaned(recording.body, recording.motion)
     stuck = recording.motion.position[..., 0] == mended.edge
     assert stuck.any()
     assert not np.isfinite(motion.position[stuck]).any()
     (found,) = judge_mending(mended)
     assert "markers stick at x" in found.text
-    assert found.level == "degraded"  # most of the record
-    assert judge_mending(replace(mended, stuck=mended.frames // 3))[0].level == "ok"
+    assert found.level == "degraded"
+    assert judge_mending(replace(mended, stuck=mended.frames // 30))[0].level == "ok"
     at_rest = np.repeat(recording.motion.position[:1], 50, 0)
     for still in (cf.toss().motion, replace(recording.motion, time=np.arange(50.0), position=at_rest)):
         assert not cleaned(recording.body, still)[1].stuck
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("share", [0.01, 0.03, 0.3])
+@pytest.mark.parametrize("share", [0.01, 0.03])
 def test_frames_at_an_edge_leave_force_and_moment_as_claimed(share):
     for seed in range(3):
         record = clipping(share, np.random.default_rng([seed, 5])).recording
