@@ -249,8 +249,7 @@ def solution_of(problem: Problem) -> Solution:
         hidden = hidden_load(problem.channels, priors, turned)
     alone = {name: problem.turned_at(name) if kin.attitude else None for name in problem.channels}
     misfit = shown_misfit(problem.channels, priors, flight.time, state.innovation, alone)
-    swings = any(prior.lines for prior in priors.values())
-    filtered = judge_filter(kin, swings)
+    filtered = judge_filter(kin, (line for prior in priors.values() for line in prior.lines))
     return Solution(
         kin,
         as_smoothed(kin, problem.deformation, state),

@@ -97,7 +97,7 @@ def estimate_classic(
         left, nis, np.nan,
     )  # fmt: skip
     deformation = Deformation(amplitude, rate, *inertia_along(kin, amplitude, rate))
-    said = (*said, *judge_filter(kin, missed=False))  # what was taken is in the claim
+    said = (*said, *judge_filter(kin))  # what was taken is in the claim
     found = (*said, note("slow-errors")) if shared else said
     if not resolved:
         found = (*found, note("load-within-window"))

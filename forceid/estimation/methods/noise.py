@@ -7,6 +7,7 @@ markers: the claims are widened by them.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -26,10 +27,11 @@ from forceid.flight.color import LowPassed
 from forceid.flight.model import Flight, seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_translation
+from forceid.kalman.building.lines import Line
 from forceid.kalman.engines import Engine
 from forceid.kalman.tuning.calibration import slow_noise_cov
 from forceid.records import Array, Finding, Level, Motion
-from forceid.significance import PATIENCE
+from forceid.significance import PATIENCE, TENTH, WHOLE
 
 CORRELATED = 0.5  # innovations, from frame to frame
 HEAVY = 5.0  # kurtosis: 3 of normal errors, 4.1 where half of the markers are twice as noisy
@@ -99,17 +101,27 @@ def widened_by_slow_errors(
     return replace(state, wrench_cov=cov)
 
 
-def judge_filter(kin: Kinematics, missed: bool) -> list[Finding]:
+def judge_filter(kin: Kinematics, lines: Iterable[Line] = ()) -> list[Finding]:
     """Tracks that were low-passed: they show loads up to the cut, and a claim is of no faster ones.
 
-    missed: whether the cut may have taken what is claimed to be followed, as of loads with lines: one beyond
-    half the rate of the frames that tell anything new shows as its mirror image below, and which of both it
-    is they do not say.
+    lines: of the loads: degraded where the filter may have taken from one, or it may be another's mirror
+    image.
     """
     color = kin.color
     if not isinstance(color, LowPassed):
         return []
+    missed = any(line.turns or may_be_another(color, line.frequency) for line in lines)
     return [note("smoothed-at-source", "degraded" if missed else "ok", cut_hz=color.cut)]
+
+
+def may_be_another(color: LowPassed, frequency: float) -> bool:
+    """Whether a filter takes from a load that swings at a frequency Hz, or lets pass what looks the same.
+
+    A load beyond half the rate of the frames that tell anything new shows as its mirror image below.
+    """
+    mirrored = 1 / (color.every * color.step) - frequency
+    own, other = color.power(np.array([frequency, mirrored]))
+    return bool(own < WHOLE or other > TENTH**2)
 
 
 def may_show(kin: Kinematics, motion: Motion) -> bool:
