@@ -161,6 +161,7 @@ def undone(position: Array, source: LowPassed, left: LowPassed) -> Array:
     """Tracks (time, node, 3) as before a filter, but for what is `left` of it; NaN at their very ends."""
     order, cut = source.order, source.cut * source.step
     weights = undoing(order, cut)
+    shorter = {i: undoing(order, cut, i) for i in range(order, len(weights) // 2)}  # beside the ends
     smooth = partial(sosfiltfilt, butter(left.order, 2 * left.cut * left.step, output="sos"), axis=0)
     out = np.full_like(position, np.nan)
     for k in range(position.shape[1]):
@@ -169,8 +170,7 @@ def undone(position: Array, source: LowPassed, left: LowPassed) -> Array:
                 continue
             track = position[first : first + length, k]
             restored = correlate1d(track, weights, axis=0)
-            for i in range(order, len(weights) // 2):
-                near = undoing(order, cut, i)
+            for i, near in shorter.items():
                 restored[i] = near @ track[: 2 * i + 1]
                 restored[length - 1 - i] = near @ track[length - 1 - 2 * i :]
             restored[order : length - order] = smooth(restored[order : length - order])
