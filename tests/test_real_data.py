@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
+from evidence.judged import WRONG, over_claim
 from forceid.config import load_settings
 from forceid.estimation.run import estimate_recording
 from forceid.files.formats.sources import import_sources
 from forceid.import_settings import load_import_settings
 
 ROOT = Path(__file__).parents[1]
+RATE = 100.0  # Hz, of the markers
 REAL = Path(os.environ.get("FORCEID_REAL", ROOT.parent / "shared" / "real"))
 pytestmark = pytest.mark.skipif(
     not REAL.is_dir(), reason="measured data not found: put it into ../shared/real or set FORCEID_REAL"
@@ -104,8 +106,8 @@ def test_beside_one_foot_on_a_known_plate_the_other_foot_is_found(known, other):
     cut = slice(len(estimate.time) // 8, -len(estimate.time) // 8)
     error = (estimate.force - forces_of_plates(recording))[cut]
     assert (rms(error) <= [6.0, 8.0, 4.0]).all()
-    assert (rms(error) <= rms(estimate.force_std[cut])).all()
-    assert estimate.verdict.level == "degraded"  # tracks smoothed at the source, and it says so
+    # who stays on the spot gains no momentum: the mean of the error is an offset of the plates
+    assert (error.std(0) <= 1.2 * rms(estimate.force_std[cut])).all()
 
 
 def low_passed(recording, cut):
@@ -143,14 +145,15 @@ def with_gaps(recording, seed):
     ],
 )
 def test_drop_jump_is_as_good_as_the_best_cut_chosen_on_the_truth(trial, stated, gaps):
-    """By axis, readings missing or not; with nothing stated no claim is more than twice too small."""
+    """By axis, readings missing or not; within its band no claim is more than twice too small."""
     recording = recorded(trial, stated)
     recording = with_gaps(recording, 1) if gaps else recording
     found, truth = estimate_recording(recording, load_settings()), forces_of_plates(recording)
     air = slice(int(np.argmax(truth[:, 1] > 20)) - 12, -10)  # on the box before, which is no plate
     error = rms((found.force - truth)[air])
     best = np.min([rms((low_passed(recording, cut) - truth)[air]) for cut in np.arange(1.5, 25, 0.5)], axis=0)
-    assert (error <= (1.15 if stated else 1.3) * best).all()
-    assert (error <= 2 * np.sqrt((found.force_std[air] ** 2).mean(0))).all()
-    assert found.verdict.level == "degraded"
-    assert any("the moment is about the mass center of the model" in r for r in found.verdict.reasons)
+    assert (error <= (1.2 if stated else 1.3) * best).all()
+    for axis, band in enumerate(found.hidden.band[:3]):
+        off, std = ((a[air, axis, None]) for a in (found.force - truth, found.force_std))
+        assert over_claim(off, std, band[None], RATE) <= WRONG
+    assert found.model == "segments"

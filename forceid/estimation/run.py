@@ -39,7 +39,7 @@ from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, 
 from forceid.estimation.methods.in_segments import SEGMENTS, estimate_in_segments
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.methods.smoother import estimate_flight
-from forceid.estimation.model_choice.ladder import choose_level
+from forceid.estimation.model_choice.ladder import choose_level, rigid_fits
 from forceid.estimation.model_choice.words import LevelChoice, without_choice
 from forceid.estimation.verdict.body_errors import with_uncertain_body
 from forceid.estimation.verdict.catalogue import note
@@ -144,9 +144,8 @@ def estimate_beside(
     body, motion, kin = recording.body, recording.motion, None
     if settings.model == "auto" and body.material is not None and shows_affine(body, motion):
         settings = settings.model_copy(update={"model": "affine"})  # which the material is one of
-    segments = settings.model == SEGMENTS
+    asked, segments = settings, moves_in_segments(body, motion, settings)
     if segments:
-        check_segments_shown(body, motion, settings)
         settings = settings.model_copy(update={"model": "rigid"})  # for the mean rotation alone
     if is_unmarked(motion):
         findings = judge_unmarked(body, motion, settings)
@@ -169,7 +168,7 @@ def estimate_beside(
         try:
             at = of_segments if segments else at_its_level
             with solvable():
-                solution, choice = at(seen, body, motion, settings)
+                solution, choice = at(seen, body, motion, asked)
         except EstimationError as e:
             instead = by_masses_alone(body, motion, settings, e) or by_plain_route(body, motion, kin, e)
             if instead is None:
@@ -233,12 +232,15 @@ def by_plain_route(
 def of_segments(
     kin: Kinematics, body: Body, motion: Motion, settings: Settings
 ) -> tuple[Solution, LevelChoice]:
-    """The solution of a body of segments. EstimationError: its joints show too little."""
+    """The solution of a body of segments. EstimationError: its joints show too little, and no other will do."""
     solution = estimate_in_segments(body, motion, settings, engine(settings.engine), kin)
-    if solution is None:
-        what = "shows the joints of its segments in too few frames for their errors"
-        raise EstimationError(what, "the recording", "restore the markers, or use another model")
-    return solution, without_choice(SEGMENTS, "it was asked for")
+    if solution is not None:
+        by_itself = "its markers leave the rigid shape, and its joints show by how much they err"
+        return solution, without_choice(SEGMENTS, by_itself if settings.model == "auto" else "it was asked for")
+    if settings.model == "auto":
+        return at_its_level(kinematics(body, motion, settings), body, motion, settings)
+    what = "shows the joints of its segments in too few frames for their errors"
+    raise EstimationError(what, "the recording", "restore the markers, or use another model")
 
 
 def at_its_level(
@@ -289,14 +291,23 @@ def with_stated(recording: Recording, settings: Settings) -> Recording:
     return replace(recording, body=with_material(body, settings), motion=motion)
 
 
-def check_segments_shown(body: Body, motion: Motion, settings: Settings) -> None:
-    """A DataError where a body is no body of segments, a ConfigError for a method that knows none."""
-    if not shows_segments(body, motion):
+def moves_in_segments(body: Body, motion: Motion, settings: Settings) -> bool:
+    """Whether a body is taken as segments: they are asked for, or show in a level that is left open.
+
+    A DataError where they are asked for and the body has none, a ConfigError beside a method that knows none.
+    """
+    shown, known = shows_segments(body, motion), settings.method in ("smoother", "filter")
+    if settings.model == "auto" and shown and known and body.mass is not None:
+        return not rigid_fits(kinematics(body, motion, settings.model_copy(update={"model": "rigid"})))
+    if settings.model != SEGMENTS:
+        return False
+    if not shown:
         what = "holds no markers on segments that meet at joints, which the model segments asks for"
         raise DataError(what, "/body", "import it with clusters and joints, or use another model")
-    if settings.method not in ("smoother", "filter"):
+    if not known:
         what = f"has method {settings.method}, expected smoother or filter beside the model segments"
         raise ConfigError(what, next_step="use one of them")
+    return True
 
 
 def check_stiffness(body: Body) -> None:

@@ -23,6 +23,8 @@ from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.segment_noise import SegmentNoise, SegmentPoses, segment_noise, segment_poses
 from forceid.estimation.body.tracks.bridging import straight
 from forceid.estimation.loads.channels import LEAST_FRAMES, force_channel, swept_momentum, tune_channel
+from forceid.estimation.loads.hidden.left_out import hidden_load
+from forceid.estimation.loads.hidden.misfit import shown_misfit, typical_variance
 from forceid.estimation.loads.hidden.order_uncertainty import grown, growth_along_own
 from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.estimation.methods.problem import Solution, named
@@ -53,7 +55,7 @@ def estimate_in_segments(
     noise = segment_noise(body, motion.time, poses)
     if noise is None:
         return None
-    kin = replace(kin, model=SEGMENTS)
+    kin = replace(kin, model=SEGMENTS, color=noise.color, shared=None)
     channels, arm = driven_channels(kin, motion, noise)
     tune = partial(tune_channel, limits=AS_IT_IS, lines=(), engine=engine, kind=settings.load_prior)
     causal, priors, states = settings.method == "filter", {}, {}
@@ -62,6 +64,7 @@ def estimate_in_segments(
             priors[load] = tune(channel, stated=stated_of(settings, load))
             states[load] = smoothed(channel, priors[load], engine, causal)
     state = both(kin, motion, states["force"], states["moment"])
+    alone = typical_variance(state.wrench_cov)
     with stage("claims"):
         looks = {
             load: whitened(channel, priors[load], engine)
@@ -84,7 +87,11 @@ def estimate_in_segments(
     still = np.zeros((len(motion.time), 0))
     deformation = Deformation(still, still, *inertia_along(kin, still, still))
     numbers = named(replace(kin, noise_root={}), priors) | noise.numbers(kin.inertia.weight)
-    return Solution(kin, deformation, state, engine.name, numbers, {}, (), priors)
+    misfit = shown_misfit(channels, priors, motion.time, state.innovation, {})
+    hidden = None if causal else hidden_load(channels, priors)
+    return Solution(
+        kin, deformation, state, engine.name, numbers, {}, (), priors, hidden=hidden, shown=misfit * alone
+    )
 
 
 def driven_channels(kin: Kinematics, motion: Motion, noise: SegmentNoise) -> tuple[dict[str, Channel], Array]:
