@@ -232,11 +232,11 @@ def by_plain_route(
 def of_segments(
     kin: Kinematics, body: Body, motion: Motion, settings: Settings
 ) -> tuple[Solution, LevelChoice]:
-    """The solution of a body of segments. EstimationError: its joints show too little, and no other will do."""
+    """The solution of a body of segments, or at an open level. EstimationError: its joints show too little."""
     solution = estimate_in_segments(body, motion, settings, engine(settings.engine), kin)
     if solution is not None:
-        by_itself = "its markers leave the rigid shape, and its joints show by how much they err"
-        return solution, without_choice(SEGMENTS, by_itself if settings.model == "auto" else "it was asked for")
+        shown = "its markers leave the rigid shape, and its joints show by how much they err"
+        return solution, without_choice(SEGMENTS, shown if settings.model == "auto" else "it was asked for")
     if settings.model == "auto":
         return at_its_level(kinematics(body, motion, settings), body, motion, settings)
     what = "shows the joints of its segments in too few frames for their errors"
