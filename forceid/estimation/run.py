@@ -232,7 +232,7 @@ def by_plain_route(
 def of_segments(
     kin: Kinematics, body: Body, motion: Motion, settings: Settings
 ) -> tuple[Solution, LevelChoice]:
-    """The solution of a body of segments, or at an open level. EstimationError: its joints show too little."""
+    """A body of segments, or one at its level where that is open. EstimationError: joints show too little."""
     solution = estimate_in_segments(body, motion, settings, engine(settings.engine), kin)
     if solution is not None:
         shown = "its markers leave the rigid shape, and its joints show by how much they err"
