@@ -256,11 +256,11 @@ class Settings(Section):
 
     noise_std: standard deviation of one measured component (m; orientation rad) by variable, overrides
     the file and acts as a floor. gravity (m/s2, world axes) overrides the file. moment_about:
-    "mass_center", a node name, or a fixed point in world axes (m). model: auto never takes segments, that
-    of a body whose markers show its segments and joints. modes: the number of deformation
-    modes of the modal model, None chooses it from the data. load_axes: along which force and moment are
-    smooth functions of time, those of the "world", or of the "body", which a thrust or a fin turns with;
-    "auto" lets the record say it, load by load.
+    "mass_center", a node name, or a fixed point in world axes (m). model: auto takes segments where a
+    body has markers on segments that meet at joints, and they leave the rigid shape. modes: the number of
+    deformation modes of the modal model, None chooses it from the data. load_axes: along which force and
+    moment are smooth functions of time, those of the "world", or of the "body", which a thrust or a fin turns
+    with; "auto" lets the record say it, load by load.
     load_prior: how they vary in time there, one of the kernels in forceid/flight/priors. prior: what is known
     of the matern one of the force, and of the moment.
     internal_momentum: angular momentum (kg m2/s, body axes) of what turns inside at a constant rate, None:
