@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import savgol_filter
 
-from evidence.drawn.coverage import NOISES, RATES, recorded
+from evidence.claims.coverage import NOISES, RATES, recorded
 from evidence.drawn.records.scored import estimated_score, stacked
 from evidence.judged import rms
 from evidence.subjects.flights.cases import Case

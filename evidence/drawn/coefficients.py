@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from evidence.drawn.aircraft import Drawn, ball, frisbee, glider
-from evidence.drawn.coverage import SCENES
+from evidence.claims.coverage import SCENES
+from evidence.drawn.records.aircraft import Drawn, ball, frisbee, glider
 from evidence.written import asked, each, paged, pictured, tabled
 from forceid.aero import FittedLaw, fit_flights, law_setting
 from forceid.config import AeroSetting, load_settings

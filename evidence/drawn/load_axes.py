@@ -19,6 +19,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from evidence.claims.strict import matern_path
 from evidence.drawn.records.scored import (
     FORCE,
     MOMENT,
@@ -28,7 +29,6 @@ from evidence.drawn.records.scored import (
     stacked,
     told_whole,
 )
-from evidence.drawn.strict import matern_path
 from evidence.vectors import GRAVITY
 from evidence.written import asked, each, paged, tabled
 from forceid.records import Array, Motion, Recording

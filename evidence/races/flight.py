@@ -19,7 +19,7 @@ from scipy.linalg import expm
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.strict import shape
+from evidence.claims.strict import shape
 from evidence.races.paired import Goal, Race, RaceAnswer, Racer
 from forceid import kalman
 from forceid.flight.channels import Start

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.aircraft import ball, frisbee, glider
+from evidence.drawn.records.aircraft import ball, frisbee, glider
 from forceid.aero.choosing import choose
 from forceid.aero.courses import course_of
 from forceid.aero.fitted import fit_flights

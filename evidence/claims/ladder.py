@@ -1,6 +1,6 @@
 """Scenes of known level, and how often the ladder finds the smallest one that is enough for force and moment.
 
-    python -m evidence.drawn.ladder [--seeds 20] [--jobs 2]
+    python -m evidence.claims.ladder [--seeds 20] [--jobs 2]
 
 The scenes are motions written down: a body of twelve unequal masses spins along closed-form Euler angles
 under a closed-form force, and stretches, or vibrates in modes in the mass gauge. The force is m c'' - m g,
@@ -174,7 +174,7 @@ def case(job: tuple[str, float, int]) -> dict[str, Any]:
 
 def main() -> None:
     """A table of the records in which the ladder took the smallest sufficient level."""
-    args = asked("evidence.drawn.ladder", __doc__, page=False, seeds=20, jobs=os.cpu_count() or 1)
+    args = asked("evidence.claims.ladder", __doc__, page=False, seeds=20, jobs=os.cpu_count() or 1)
     jobs = [(level, noise, seed) for seed, level, noise in product(range(args.seeds), LEVELS, NOISE)]
     cases = list(each(case, jobs, args.jobs))
     missed, rows = [c for c in cases if c["taken"] != c["enough"]], []

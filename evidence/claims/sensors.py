@@ -1,6 +1,6 @@
 """Gyros and accelerometers beside markers and alone, and spin about half a turn a frame: error over claim.
 
-    python -m evidence.drawn.sensors [--seeds 8] [--jobs 2] [--only NAME...]
+    python -m evidence.claims.sensors [--seeds 8] [--jobs 2] [--only NAME...]
 
 A rigid body under loads that are sums of 24 sines, drawn anew for every seed from the spectrum of a Matern
 3/2 process. The estimator is told the noise, no more. Printed of every row: root mean square error of force
@@ -79,7 +79,7 @@ def one_flight(job: tuple[str, int]) -> RecordScore:
 
 def main() -> int:
     """Print the table."""
-    given = asked("evidence.drawn.sensors", __doc__, page=False, seeds=8, jobs=2, only=tuple(ROWS))
+    given = asked("evidence.claims.sensors", __doc__, page=False, seeds=8, jobs=2, only=tuple(ROWS))
     jobs = [(name, seed) for name in given.only for seed in range(given.seeds)]
     flights, rows = list(each(one_flight, jobs, given.jobs)), []
     for k, name in enumerate(given.only):

@@ -1,6 +1,6 @@
 """The strict test of the smoother on rotations: flights drawn from the prior, error over the bound claimed.
 
-    python -m evidence.drawn.strict [--draws 24] [--seed 21] [--jobs 2]
+    python -m evidence.claims.strict [--draws 24] [--seed 21] [--jobs 2]
 
 A rigid body of five markers under a force and a moment that are Matern 3/2 processes in world axes, as the
 smoother is told they are. Averaged over the prior no estimator beats the posterior bound, so the ratio is
@@ -106,7 +106,7 @@ def one_draw(seed: int) -> RecordScore:
 
 def main() -> int:
     """Print the ratios; 1 where one of them is outside of what the strict test allows."""
-    given = asked("evidence.drawn.strict", __doc__, page=False, draws=24, seed=21, jobs=2)
+    given = asked("evidence.claims.strict", __doc__, page=False, draws=24, seed=21, jobs=2)
     draws = list(each(one_draw, [1000 * given.seed + k for k in range(given.draws)], given.jobs))
     passed = True
     for name, unit, of, published in (("F", "N", FORCE, BOUND_F), ("T", "N m", MOMENT, BOUND_T)):

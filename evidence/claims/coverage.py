@@ -1,6 +1,6 @@
 """Do 95 % intervals hold the truth? Every scene, rate, noise and seed, over the central three quarters.
 
-    python -m evidence.drawn.coverage [--seeds 5] [--jobs 2] [--scene NAME ...]
+    python -m evidence.claims.coverage [--seeds 5] [--jobs 2] [--scene NAME ...]
 
 Nothing is told of the truth but the standard deviation of the noise. An error stays alike for about as long
 as the load does, so one record gives few independent intervals: the share over all seeds is what counts.
@@ -89,7 +89,7 @@ def group_table(title: str, cases: list[tuple[CoverageJob, RecordScore]]) -> str
 
 def main() -> int:
     """Tables by scene, rate and noise; 1 where the share over all is outside of 92 to 98 %."""
-    args = asked("evidence.drawn.coverage", __doc__, page=False, seeds=5, jobs=2, scene=("all",))
+    args = asked("evidence.claims.coverage", __doc__, page=False, seeds=5, jobs=2, scene=("all",))
     shipped = sorted(p.stem for p in SCENES.glob("*.toml"))
     names = shipped if "all" in args.scene else args.scene
     jobs = list(product(names, RATES, NOISES, range(1, args.seeds + 1)))
