@@ -47,7 +47,7 @@ bench: .venv-bench/ready
 
 # error over bound of flights drawn from their prior
 study: .venv/test-ready
-	$(BIN)/python -m evidence.drawn.strict
+	$(BIN)/python -m evidence.claims.strict
 
 # the site, into docs/_build/html; notebooks run when they have changed
 docs: .venv/test-ready

@@ -41,7 +41,7 @@ from forceid.files.stored.hdf5 import read_motion, write_motion
 from forceid.records import Recording
 
 ROOT = Path(__file__).parents[1]
-MOTIONS = {path.stem: path for path in sorted((ROOT / "data" / "synthetic").glob("*.h5"))}
+SHIPPED = {path.stem: path for path in sorted((ROOT / "data" / "synthetic").glob("*.h5"))}
 KALMAN = ("filter", "smoother")
 CHANGING = ("runtime_s", "history", "forceid_version", "_NCProperties")  # attributes: when, by whom, not what
 TIMES = "timing_"  # what attributes begin with that tell how long a stage took
@@ -50,37 +50,37 @@ Limits = tuple[tuple[Any, str, int], ...]
 WINDOWS: Limits = ((streaming, "LONG", 300), (stretches, "CORE", 150), (stretches, "MARGIN", 60))
 BLOCKS: Limits = ((blocks, "MANY", 2), (blocks, "BLOCK", 24 * 3 * 50), *WINDOWS)
 
-Change = Callable[[Recording], Recording]
+Changed = Callable[[Recording], Recording]
 
 
 def cases() -> dict[str, Callable[[Path], None]]:
     """The work of every case by its name; it writes a result file at the path that it is given."""
     found: dict[str, Callable[[Path], None]] = {}
-    for name, path in MOTIONS.items():
+    for name, path in SHIPPED.items():
         for method in get_args(Method):
             for engine in ("compiled", "numpy") if method in KALMAN else ("numpy",):
                 settings = Settings(method=method, engine=engine)  # type: ignore[arg-type]
                 found[f"{name}, {method}, {engine}"] = partial(estimated, path, settings, None, ())
     joints = load_settings(ROOT / "config" / "two_blocks.toml")
-    found["two_blocks, joints"] = partial(estimated, MOTIONS["two_blocks"], joints, None, ())
-    alone = partial(estimated, MOTIONS["instrumented"], Settings(), without_markers, ())
+    found["two_blocks, joints"] = partial(estimated, SHIPPED["two_blocks"], joints, None, ())
+    alone = partial(estimated, SHIPPED["instrumented"], Settings(), without_markers, ())
     found["instrumented, sensors alone"] = alone
     for model in (name for name in get_args(Model) if name != "segments"):  # no motion shipped has any
         found[f"wobbling_drop, {model}"] = partial(
-            estimated, MOTIONS["wobbling_drop"], Settings(model=model), None, ()
+            estimated, SHIPPED["wobbling_drop"], Settings(model=model), None, ()
         )
-    found["frisbee, body axes"] = partial(estimated, MOTIONS["frisbee"], Settings(load_axes="body"), None, ())
-    boomerang = MOTIONS["flexible_boomerang_5_markers"]
+    found["frisbee, body axes"] = partial(estimated, SHIPPED["frisbee"], Settings(load_axes="body"), None, ())
+    boomerang = SHIPPED["flexible_boomerang_5_markers"]
     found["flexible_boomerang_5_markers, readings missing"] = partial(
-        estimated, boomerang, Settings(), with_gaps, ()
+        estimated, boomerang, Settings(), losing_markers, ()
     )
-    quick, spinning = Settings(method="savgol"), MOTIONS["spinning_block"]
+    quick, spinning = Settings(method="savgol"), SHIPPED["spinning_block"]
     found["spinning_block, blocks"] = partial(estimated, spinning, quick, None, BLOCKS)
     found["spinning_block, windows"] = partial(estimated, spinning, quick, None, WINDOWS)
     return found
 
 
-def estimated(path: Path, settings: Settings, changed: Change | None, limits: Limits, out: Path) -> None:
+def estimated(path: Path, settings: Settings, changed: Changed | None, limits: Limits, out: Path) -> None:
     """The result file of one motion, changed before where that is asked for, under other limits of size."""
     if changed is not None:
         recording = replace(changed(read_motion(path)), source="", history="")
@@ -101,7 +101,7 @@ def without_markers(recording: Recording) -> Recording:
     return replace(recording, motion=replace(recording.motion, position=None))
 
 
-def with_gaps(recording: Recording) -> Recording:
+def losing_markers(recording: Recording) -> Recording:
     """The same motion with each marker lost for ten frames, one after the other."""
     position = np.array(recording.motion.position)
     for k in range(position.shape[1]):
@@ -141,7 +141,7 @@ def hashed(name: str) -> tuple[str, dict[str, str]]:
             cases()[name](out)
         except ForceIdError as e:
             return name, {"refused": str(e).replace(folder, "")}
-        return name, hashes(out) | errors(out, MOTIONS[name.split(",")[0]])
+        return name, hashes(out) | errors(out, SHIPPED[name.split(",")[0]])
 
 
 def errors(path: Path, motion: Path) -> dict[str, str]:

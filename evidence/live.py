@@ -29,25 +29,25 @@ from forceid.files.stored.atomic import atomic
 from forceid.records import Body, LiveWrench, Motion, Recording
 
 SCENES = ("flexible_boomerang", "frisbee", "top")
-LAGS = (0.01, 0.02, 0.05, 0.1, 0.2)
+LIVE_LAGS = (0.01, 0.02, 0.05, 0.1, 0.2)
 SHOWN = 0.05  # s: the lag of the first table
 RATE, MINUTE = 1000.0, 60_000
 BLUE, ORANGE, GREEN = "#0072B2", "#D55E00", "#009E73"
-Loads = dict[str, np.ndarray]
+LoadHistory = dict[str, np.ndarray]
 
 
-def opened(scene: str) -> Any:
+def opened_scene(scene: str) -> Any:
     """The motion file of a scene."""
     return forceid.open_motion(Path(__file__).parents[1] / "data" / "synthetic" / f"{scene}.h5")
 
 
-def gathered(found: list[LiveWrench]) -> Loads:
+def gathered(found: list[LiveWrench]) -> LoadHistory:
     """Arrays (time, 3) of wrenches."""
     names = ("force", "moment", "force_std", "moment_std")
     return {name: np.array([getattr(w, name) for w in found]) for name in names}
 
 
-def followed(tree: Any, lag: float, **more: Any) -> tuple[Loads, float, int]:
+def followed(tree: Any, lag: float, **more: Any) -> tuple[LoadHistory, float, int]:
     """What is told of a record, CPU time a frame in us behind the first stretch, and how long that is."""
     motion = tree["motion"]
     clock: list[float] = []
@@ -70,7 +70,7 @@ def rms(error: np.ndarray) -> float:
     return float(np.sqrt((error**2).sum(1).mean()))
 
 
-def scores(scene: str, tree: Any, smooth: Loads, lag: float) -> dict[str, float]:
+def scores(scene: str, tree: Any, smooth: LoadHistory, lag: float) -> dict[str, float]:
     """Errors of a lag over those of the smoother, and over what is claimed."""
     found, cpu, first = followed(tree, lag)
     numbers: dict[str, float] = {"cpu": cpu, "first": first}
@@ -88,7 +88,7 @@ def scores(scene: str, tree: Any, smooth: Loads, lag: float) -> dict[str, float]
     return numbers
 
 
-def smoothed(tree: Any) -> Loads:
+def smoothed(tree: Any) -> LoadHistory:
     """Force and moment of the whole record by the default estimate."""
     estimate = forceid.estimate(tree)["estimate"]
     return {name: estimate[name].values for name in ("force", "moment", "force_std", "moment_std")}
@@ -134,7 +134,7 @@ def memory() -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def lasting(frames: int) -> list[dict[str, str]]:
+def by_minute(frames: int) -> list[dict[str, str]]:
     """A long flight, minute by minute: memory, error of the force, time."""
     tips = TIPS - TIPS.mean(0)
     few = Motion(np.arange(4) / RATE, np.tile(tips, (4, 1, 1)), gravity=WEIGHT, noise_std={"position": 2e-4})
@@ -180,7 +180,7 @@ def drawn(output: Path, found: dict[str, dict[float, dict[str, float]]]) -> None
                 axes.plot(lags, ratio, style, color=color, ms=4, label=named or "_")
         axes.axhline(1.2, color="#222222", lw=0.8, ls="--")
         axes.set(xscale="log", yscale="log", xlabel="lag (ms)", title=load)
-        axes.set_xticks(1e3 * np.array(LAGS), [f"{1e3 * lag:g}" for lag in LAGS])
+        axes.set_xticks(1e3 * np.array(LIVE_LAGS), [f"{1e3 * lag:g}" for lag in LIVE_LAGS])
         axes.set_xticks([], minor=True)
         axes.set_yticks([1, 1.2, 1.5, 2, 3], ["1", "1.2", "1.5", "2", "3"])
         axes.set_yticks([], minor=True)
@@ -197,9 +197,9 @@ def main() -> None:
     found: dict[str, dict[float, dict[str, float]]] = {}
     cpu: dict[str, float] = {}
     for scene in SCENES:
-        tree = opened(scene)
+        tree = opened_scene(scene)
         smooth = smoothed(tree)
-        found[scene] = {lag: scores(scene, tree, smooth, lag) for lag in LAGS}
+        found[scene] = {lag: scores(scene, tree, smooth, lag) for lag in LIVE_LAGS}
         cpu[scene] = min(followed(tree, SHOWN)[1] for _ in range(given.repeats))
     first = [
         {
@@ -221,12 +221,12 @@ def main() -> None:
     ]
     drawn(given.output, found)
     what = (__doc__ or "").split("]", 2)[2].strip()
-    minutes = lasting(given.frames)
+    minutes = by_minute(given.frames)
     parts = [
         "## A lag of 50 ms", table(first),
         FREE, "## Lag against error", BY_LAG, table(by_lag),
         "![Lag against error](live.png)",
-        "## For hours", LONG.format(frames=given.frames), table(minutes[:: max(len(minutes) - 1, 1)]),
+        "## For hours", HOURS_TEXT.format(frames=given.frames), table(minutes[:: max(len(minutes) - 1, 1)]),
     ]  # fmt: skip
     paged(given.output, "live", "While the motion goes on", f"`{given.command}`", what, *parts)
 
@@ -238,7 +238,7 @@ FREE = (
 BY_LAG = (
     "Error over that of the smoother, of whole records; in the picture also behind the first stretch, dotted."
 )
-LONG = (
+HOURS_TEXT = (
     "A rigid body of four markers at 1000 Hz tumbles and is shaken, {frames} frames. It is tuned anew every "
     "60 s on the last 1024 frames, in the same process. The first minute and the last:"
 )

@@ -17,17 +17,17 @@ from pathlib import Path
 from typing import Any
 
 from evidence.attack.bodies import BASES, write
-from evidence.attack.contradictions import KINDS, Kind
+from evidence.attack.contradictions import KINDS, Clash
 from evidence.attack.damaged import damaged_files
-from evidence.attack.files import attacked
+from evidence.attack.files import each_file
 from evidence.attack.kills import killed
 from evidence.attack.outputs import odd_outputs
 from evidence.attack.surroundings import odd_surroundings
-from evidence.attack.units import alike
+from evidence.attack.units import flights_compared
 from evidence.attack.watched import End, forked, warm
 from evidence.written import asked, paged, table
 
-FAULTS = (
+FAULT_KINDS = (
     "unexpected",
     "traceback",
     "noise on stderr",
@@ -51,7 +51,7 @@ scales, more than 1e-6 of sigma from the plain one. `unnamed`: a refusal that do
 Ended = Iterable[tuple[str, End, list[str]]]
 
 
-def told(kind: Kind, folder: Path, plainly: dict[str, set[str]]) -> tuple[str, End]:
+def told(kind: Clash, folder: Path, plainly: dict[str, set[str]]) -> tuple[str, End]:
     """How a contradiction is told: refused, said in the verdict by codes, or not at all."""
     path = write(folder / "c.h5", kind.base, kind.edit)
     end = forked(["estimate", path.name, "--json"], folder)
@@ -101,7 +101,7 @@ def counted(found: Ended) -> tuple[str, list[str]]:
             )
             print(odd[-1], file=sys.stderr, flush=True)
     heads = ["kind", "runs", *sorted({k for c in rows.values() for k in c if k.startswith("exit")})]
-    heads += [fault for fault in FAULTS if rows["all"][fault]]
+    heads += [fault for fault in FAULT_KINDS if rows["all"][fault]]
     names = [*(k for k in sorted(rows) if k != "all"), "all"]
     if len(heads) == 3:  # all ended alike, and nothing was wrong
         return f"{number} runs of {len(names) - 1} kinds, {names[0]} among them: all {heads[2]}.", odd
@@ -117,12 +117,12 @@ def main() -> int:
         warm(folder)
         work: dict[str, Callable[[Path], Ended]] = {
             "files": lambda f: (
-                (k.split(":")[0], e, x) for _, k, e, x in attacked(f, args.seed, 0, args.count)
+                (k.split(":")[0], e, x) for _, k, e, x in each_file(f, args.seed, 0, args.count)
             ),
             "damaged": lambda f: ((k, e, x) for k, _, e, x in damaged_files(f, args.seed, 0, args.count)),
             "surroundings": lambda f: ((k, e, x) for k, _, e, x in odd_surroundings(f)),
             "outputs": lambda f: ((k, e, x) for k, _, e, x in odd_outputs(f)),
-            "units": lambda f: ((b, e, x) for b, _, e, x in alike(f)),
+            "units": lambda f: ((b, e, x) for b, _, e, x in flights_compared(f)),
             "kills": lambda f: ((f"{k} {s}", e, x) for s, k, e, x in killed(f, args.seed, args.count // 10)),
         }
         for part in args.only:

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from evidence.vectors import GRAVITY
 
-Edit: TypeAlias = Callable[[Any], None]
-SHAPE = np.array([[0.1, 0, 0], [-0.1, 0.1, 0], [0, -0.1, 0.1], [0, 0, -0.1], [0.05, 0.08, 0.02]])
+BodyEdit: TypeAlias = Callable[[Any], None]
+LUMPS = np.array([[0.1, 0, 0], [-0.1, 0.1, 0], [0, -0.1, 0.1], [0, 0, -0.1], [0.05, 0.08, 0.02]])
 MASS = np.array([0.03, 0.02, 0.02, 0.02, 0.01])
 NOISE = {
     "position": 1e-4,
@@ -46,8 +46,8 @@ UNITS = {
 
 def whole() -> tuple[float, np.ndarray, np.ndarray]:
     """Mass, its center and the inertia about it of the lumped body."""
-    center = MASS @ SHAPE / MASS.sum()
-    arm = SHAPE - center
+    center = MASS @ LUMPS / MASS.sum()
+    arm = LUMPS - center
     J = sum(m * (a @ a * np.eye(3) - np.outer(a, a)) for m, a in zip(MASS, arm, strict=True))
     return float(MASS.sum()), center, J
 
@@ -59,7 +59,7 @@ def flight(frames: int = FRAMES) -> dict[str, np.ndarray]:
     c = np.outer(t, [2.0, 0.5, 3.0]) + 0.5 * t[:, None] ** 2 * (GRAVITY + np.array([0.3, 0, 0]) / mass)
     angle, rate = 4 * t + 0.4 * np.sin(9 * t), 4 + 3.6 * np.cos(9 * t)
     R = Rotation.from_rotvec(angle[:, None] * [0, 0, 1])
-    arm = SHAPE - center
+    arm = LUMPS - center
     x = c[:, None] + np.einsum("tij,kj->tki", R.as_matrix(), arm)
     push = np.tile(np.array([0.3, 0, 0]) / mass, (frames, 1))
     at_center = R.inv().apply(push)
@@ -76,9 +76,9 @@ def flight(frames: int = FRAMES) -> dict[str, np.ndarray]:
 def modes() -> dict[str, np.ndarray]:
     """Two shapes orthogonal to rigid motion, with frequency and damping."""
     rng = np.random.default_rng(5)
-    arm = SHAPE - whole()[1]
+    arm = LUMPS - whole()[1]
     rigid = np.concatenate(
-        [np.tile(np.eye(3), (len(SHAPE), 1)), np.concatenate([np.cross(np.eye(3), a).T for a in arm])], 1
+        [np.tile(np.eye(3), (len(LUMPS), 1)), np.concatenate([np.cross(np.eye(3), a).T for a in arm])], 1
     )
     q, _ = np.linalg.qr(np.concatenate([rigid, rng.standard_normal((rigid.shape[0], 2))], 1))
     return {
@@ -90,30 +90,30 @@ def modes() -> dict[str, np.ndarray]:
 
 def stiffness() -> np.ndarray:
     """Springs between all nodes, stiff enough that nothing of them shows."""
-    n = len(SHAPE)
+    n = len(LUMPS)
     K = np.zeros((3 * n, 3 * n))
     for a in range(n):
         for b in range(a):
-            u = (SHAPE[a] - SHAPE[b]) / np.linalg.norm(SHAPE[a] - SHAPE[b])
+            u = (LUMPS[a] - LUMPS[b]) / np.linalg.norm(LUMPS[a] - LUMPS[b])
             row = np.zeros(3 * n)
             row[3 * a : 3 * a + 3], row[3 * b : 3 * b + 3] = u, -u
             K += 2000.0 * np.outer(row, row)
     return K
 
 
-LUMPED = {"position": SHAPE, "mass": MASS}
-RIGID = dict(zip(("total_mass", "mass_center", "inertia"), whole(), strict=True))
+LUMPED = {"position": LUMPS, "mass": MASS}
+AS_RIGID = dict(zip(("total_mass", "mass_center", "inertia"), whole(), strict=True))
 SENSORS = {"sensor_position": whole()[1][None], "sensor_rotation": np.array([[0.0, 0, 0, 1]])}
 BASES: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "markers": (LUMPED, ("position",)),
-    "pose": (RIGID, ("center", "orientation")),
+    "pose": (AS_RIGID, ("center", "orientation")),
     "matrix": (
-        {"position": SHAPE, "mass_matrix": np.kron(np.diag(MASS), np.eye(3)), "stiffness": stiffness()},
+        {"position": LUMPS, "mass_matrix": np.kron(np.diag(MASS), np.eye(3)), "stiffness": stiffness()},
         ("position",),
     ),
     "modes": (LUMPED | modes(), ("position",)),
     "sensors": (LUMPED | SENSORS, ("position", "specific_force", "angular_velocity")),
-    "alone": (RIGID | SENSORS, ("specific_force", "angular_velocity")),
+    "alone": (AS_RIGID | SENSORS, ("specific_force", "angular_velocity")),
     "both": (LUMPED, ("position", "center", "orientation")),
 }
 
@@ -129,7 +129,7 @@ def put(file: Any, name: str, value: Any, **attrs: Any) -> None:
 
 
 def write(
-    path: Path, base: str = "markers", edit: Edit | None = None, seed: int = 0, frames: int = FRAMES
+    path: Path, base: str = "markers", edit: BodyEdit | None = None, seed: int = 0, frames: int = FRAMES
 ) -> Path:
     """The flight as that base describes it, with noise, and something done to the open file."""
     rng, (body, measured), all_of_it = np.random.default_rng(seed), BASES[base], flight(frames)
@@ -145,7 +145,7 @@ def write(
             put(f, f"body/{name}", value)
         if "position" in body:
             for group in ("body", "motion"):
-                f.create_dataset(f"{group}/node", data=[f"n{k}" for k in range(len(SHAPE))])
+                f.create_dataset(f"{group}/node", data=[f"n{k}" for k in range(len(LUMPS))])
         f["motion"].attrs["gravity"] = GRAVITY
         if edit is not None:
             edit(f)

@@ -173,7 +173,7 @@ def c3d(path: Path, t: np.ndarray, x: np.ndarray) -> None:
     made.write(str(path))
 
 
-def damaged(whole: bytes, rng: np.random.Generator, text: bool) -> tuple[str, bytes]:
+def damaged_bytes(whole: bytes, rng: np.random.Generator, text: bool) -> tuple[str, bytes]:
     """The bytes damaged in one way, and which."""
     kinds = ["bytes", "bits", "near bytes", "number", "cut", "blank", "moved", "longer"]
     kind = str(rng.choice(kinds if not text else [*kinds[:1], *kinds[4:], *["word", "line", "lines"] * 3]))
@@ -240,7 +240,7 @@ def damaged_files(
         for k, (end, data) in enumerate(whole[kind]):
             paths.append(folder / f"d{number}{end}")
             if k == spoiled:
-                damage, data = damaged(data, rng, end in (".csv", ".trc", ".mot", ".uff"))
+                damage, data = damaged_bytes(data, rng, end in (".csv", ".trc", ".mot", ".uff"))
             paths[-1].write_bytes(data)
         names = [path.name for path in paths]
         config = {"mat73": "mat", "mot": "trc", "c3d": "trc"}.get(kind, kind)

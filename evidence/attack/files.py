@@ -38,7 +38,7 @@ def hostile(path: Path, seed: int, number: int) -> str:
     return f"{base}: {', '.join(done)}"
 
 
-def attacked(folder: Path, seed: int, first: int, count: int) -> Iterator[tuple[int, str, End, list[str]]]:
+def each_file(folder: Path, seed: int, first: int, count: int) -> Iterator[tuple[int, str, End, list[str]]]:
     """Number, kind, end and faults of each of that many files."""
     for number in range(first, first + count):
         path = folder / f"h{number}.h5"

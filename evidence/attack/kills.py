@@ -21,7 +21,7 @@ UP = 0.05  # s until the interpreter has read the first line of the program: bef
 LEFT = {".result.h5": "m.result.h5", "page.html": "page.html", "s.h5": "s.h5", "i.h5": "i.h5"}
 
 
-def whole(path: Path) -> bool:
+def is_whole(path: Path) -> bool:
     """Whether a file is what its name says, all of it."""
     if path.suffix == ".html":
         return path.read_text("utf-8").rstrip().endswith("</html>")
@@ -67,5 +67,5 @@ def killed(folder: Path, seed: int, count: int) -> Iterator[tuple[str, str, End,
         if sent == signal.SIGKILL and end.code == -signal.SIGKILL and "unexpected" in faults:
             faults.remove("unexpected")
         now = {path for path in folder.rglob("*") if path.suffix in (".h5", ".html") and path.name[0] != "."}
-        faults += ["lost"] * bool(had - now) + ["torn"] * (not all(map(whole, now)))
+        faults += ["lost"] * bool(had - now) + ["torn"] * (not all(map(is_whole, now)))
         yield sent.name, name, end, faults

@@ -16,7 +16,7 @@ from evidence.attack.watched import End, forked
 Place = Callable[[Path], None]
 
 
-def bound(path: Path) -> None:
+def bound_socket(path: Path) -> None:
     """A socket by that name."""
     with socket.socket(socket.AF_UNIX) as s, chdir(path.parent):  # the name of a socket is short
         s.bind(path.name)
@@ -43,7 +43,7 @@ PLACES: dict[str, Place] = {
     "a link to a text": lambda path: path.symlink_to("kept.txt"),
     "a folder": a_folder,
     "a fifo": os.mkfifo,
-    "a socket": bound,
+    "a socket": bound_socket,
     "a device": lambda path: path.symlink_to("/dev/null"),
     "a half result": lambda path: cut_short(path),
 }

@@ -8,7 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from evidence.attack.bodies import SHAPE, put
+from evidence.attack.bodies import LUMPS, put
 
 TYPES = ("i1", "u1", "i8", "f2", "f4", ">f8", "c16", "?", "S4", "V8", "f8,f8", "O")
 NAMES = (
@@ -125,13 +125,13 @@ def many(rng: np.random.Generator, file: Any) -> None:
         put(file, "body/sensor_position", 0.1 * rng.standard_normal((n, 3)))
         put(file, "body/sensor_rotation", np.tile([0.0, 0, 0, 1], (n, 1)))
     else:
-        put(file, "body/mode_shape", rng.standard_normal((n, len(SHAPE), 3)))
+        put(file, "body/mode_shape", rng.standard_normal((n, len(LUMPS), 3)))
         put(file, "body/mode_frequency", np.linspace(5, 40, n))
 
 
 def beside(rng: np.random.Generator, file: Any) -> None:
     """A further variable, of about the right shape."""
-    name, n, frames = str(rng.choice(VARIABLES)), len(SHAPE), len(file["motion/time"])
+    name, n, frames = str(rng.choice(VARIABLES)), len(LUMPS), len(file["motion/time"])
     last = name.rsplit("/", 1)[-1]
     shape = {
         "total_mass": (),
@@ -191,7 +191,7 @@ def named(rng: np.random.Generator, file: Any) -> None:
     """Odd names of nodes."""
     names = [
         str(rng.choice(NAMES)).replace("\0", "") + (str(k) if rng.random() < 0.7 else "")
-        for k in range(len(SHAPE))
+        for k in range(len(LUMPS))
     ]
     for group in ("body", "motion"):
         if f"{group}/node" in file:

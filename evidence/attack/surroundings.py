@@ -28,8 +28,8 @@ import.csv.position.b = ["bx", "by", "bz"]
 import.csv.position.c = ["cx", "cy", "cz"]
 import.body.mass = { a = 0.02, b = 0.05, c = 0.03 }
 """
-Commands = Mapping[str, tuple[str, ...]]
-COMMANDS: Commands = {
+CommandTable = Mapping[str, tuple[str, ...]]
+COMMANDS: CommandTable = {
     "inspect": ("inspect", "m.h5"),
     "estimate": ("estimate", "m.h5", *QUICK),
     "json": ("estimate", "m.h5", "--json", *QUICK),
@@ -63,7 +63,7 @@ def limit(kind: int, value: int) -> Callable[[], None]:
     return lambda: resource.setrlimit(kind, (value, value))
 
 
-def renamed(name: str | bytes) -> Callable[[Sequence[str]], Sequence[str | bytes]]:
+def renamed_input(name: str | bytes) -> Callable[[Sequence[str]], Sequence[str | bytes]]:
     """Words with m.h5 by another name, of which a copy is made."""
 
     def words(given: Sequence[str]) -> Sequence[str | bytes]:
@@ -87,10 +87,10 @@ NAMES: dict[str, str | bytes] = {
     "percent": "%s%n{0}.h5",
     "tooLong": "m" * 300 + ".h5",
 }
-ODD = [
+ODD_SURROUNDINGS = [
     *(Odd(f"output in {e}", {"PYTHONIOENCODING": e}) for e in ENCODINGS),
     Odd("locale C", {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}),
-    *(Odd(f"name {what}", words=renamed(name)) for what, name in NAMES.items()),
+    *(Odd(f"name {what}", words=renamed_input(name)) for what, name in NAMES.items()),
     Odd("output device full", out="/dev/full"),
     Odd("no standard output", before=lambda: os.close(1)),
     Odd("no standard error", before=lambda: os.close(2)),
@@ -177,7 +177,7 @@ def odd_surroundings(folder: Path, every: int = 1) -> Iterator[tuple[str, str, E
     """Name of the surrounding and of the command, end and faults, of all pairs or of every so many."""
     furnish(folder)
     surrounded(Odd("none"), ["estimate", "m.h5", "-o", "old.result.h5", *QUICK], folder)
-    pairs = [(odd, name) for odd in ODD for name in COMMANDS]
+    pairs = [(odd, name) for odd in ODD_SURROUNDINGS for name in COMMANDS]
     for odd, name in pairs[::every]:
         words = COMMANDS[name]
         if odd.words is not list and "m.h5" not in words:

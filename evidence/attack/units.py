@@ -35,7 +35,7 @@ UNITS = {  # of the same quantity: name of the unit and how many of it make one 
     "g": {"body/mass": ("g", 1e3), "body/total_mass": ("g", 1e3)},
 }
 SCALES = (1e-6, 1e-3, 1e3, 1e6)
-BASES = ("markers", "pose")
+FLIGHT_BASES = ("markers", "pose")
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ for place, what in enumerate(("length", "mass", "time")):
     ]
 
 
-def size(powers: tuple[int, int, int], scale: tuple[float, float, float]) -> float:
+def scale_factor(powers: tuple[int, int, int], scale: tuple[float, float, float]) -> float:
     """The factor of a quantity with those powers of length, mass and time."""
     return float(np.prod(np.power(scale, powers)))
 
@@ -66,19 +66,19 @@ def told(change: Change, file: Any) -> None:
     for name, powers in POWERS.items():
         if name not in file:
             continue
-        factor = size(powers, change.scale)
+        factor = scale_factor(powers, change.scale)
         unit, many = change.units.get(name, ("", 1.0))
         file[name][...] = file[name][...] * factor * many
         if unit:
             file[name].attrs["units"] = unit
         if "noise_std" in file[name].attrs:
             file[name].attrs["noise_std"] = file[name].attrs["noise_std"] * factor * many
-    file["motion"].attrs["gravity"] = file["motion"].attrs["gravity"] * size((1, 0, -2), change.scale)
+    file["motion"].attrs["gravity"] = file["motion"].attrs["gravity"] * scale_factor((1, 0, -2), change.scale)
 
 
-def alike(folder: Path) -> Iterator[tuple[str, str, End, list[str]]]:
+def flights_compared(folder: Path) -> Iterator[tuple[str, str, End, list[str]]]:
     """Base and change, how it ended, and whether the result is another."""
-    for base in BASES:
+    for base in FLIGHT_BASES:
         plain = None
         for change in (Change("SI", {}), *CHANGES):
             path = write(folder / "u.h5", base, lambda file, change=change: told(change, file))
@@ -88,14 +88,14 @@ def alike(folder: Path) -> Iterator[tuple[str, str, End, list[str]]]:
                 found = wrench(folder / "u.result.h5", change)
                 plain = found if plain is None else plain
                 told_of = "those of the plain route" in " ".join(end.out.split())  # degraded, and says why
-                faults += ["another result"] * (apart(found, plain) > SAME and not told_of)
+                faults += ["another result"] * (furthest_apart(found, plain) > SAME and not told_of)
             yield base, change.name, end, faults
             (folder / "u.result.h5").unlink(missing_ok=True)
 
 
 def wrench(path: Path, change: Change) -> tuple[np.ndarray, np.ndarray]:
     """Force and moment (time, 6) of a result, and their sigma, by the scales of the plain flight."""
-    force, moment = size((1, 1, -2), change.scale), size((2, 1, -2), change.scale)
+    force, moment = scale_factor((1, 1, -2), change.scale), scale_factor((2, 1, -2), change.scale)
     with h5py.File(path) as f:
         values = [
             np.hstack([f[f"estimate/force{end}"][...] / force, f[f"estimate/moment{end}"][...] / moment])
@@ -104,7 +104,7 @@ def wrench(path: Path, change: Change) -> tuple[np.ndarray, np.ndarray]:
     return values[0], values[1]
 
 
-def apart(found: tuple[np.ndarray, np.ndarray], plain: tuple[np.ndarray, np.ndarray]) -> float:
+def furthest_apart(found: tuple[np.ndarray, np.ndarray], plain: tuple[np.ndarray, np.ndarray]) -> float:
     """The most by which two results differ, in claimed sigma; endless where one knows more."""
     known = [np.isfinite(value).all(1) for value, _ in (found, plain)]
     if (known[0] != known[1]).any() or not known[0].any():

@@ -84,10 +84,10 @@ def forked(words: Sequence[str], folder: Path, space: int = SPACE, patience: flo
         sys.argv[1:] = words
         return main()
 
-    return child(work, words, folder, space, patience)
+    return child_end(work, words, folder, space, patience)
 
 
-def child(
+def child_end(
     work: Callable[[], int],
     words: Sequence[str],
     folder: Path,

@@ -146,13 +146,13 @@ def of_cluster(cluster: Found) -> list[str]:
     ]
 
 
-PAGE = {"files": of_files, "large": of_large, "cluster": of_cluster}
+PAGE_PARTS = {"files": of_files, "large": of_large, "cluster": of_cluster}
 
 
 def main() -> None:
     """Run the parts that were asked for."""
     taken = {"files": 200, "gigabytes": 20.0, "scratch": tempfile.gettempdir(), "cluster_files": 40}
-    args = asked("evidence.batches.batch", __doc__, **taken, only=tuple(PAGE))
+    args = asked("evidence.batches.batch", __doc__, **taken, only=tuple(PAGE_PARTS))
     args.output.mkdir(parents=True, exist_ok=True)
     kept = args.output / "batch.json"
     found: Found = json.loads(kept.read_text()) if kept.exists() else {}
@@ -165,7 +165,7 @@ def main() -> None:
         found[name] = parts[name]()
         kept.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     said = f"`python -m evidence.batches.batch`, {os.cpu_count()} cores, {time.strftime('%Y-%m-%d')}."
-    text = [part for name, of in PAGE.items() if name in found for part in of(found[name])]
+    text = [part for name, of in PAGE_PARTS.items() if name in found for part in of(found[name])]
     paged(args.output, "batch", "Batches", said, *text)
 
 

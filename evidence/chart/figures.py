@@ -16,7 +16,7 @@ from evidence.chart.front import front, points_of
 from evidence.chart.labels import place_labels
 from forceid.report.plots.style import BLUE, DASHED, GRAY, INK, STYLE, VERMILION, label, panels, say
 
-FLOOR = 1e-16
+LEAST_SHOWN = 1e-16
 WORTHLESS = 1.0  # relative error of the answer zero: what is above is left out
 ROOM = 2.5  # about the points, a factor
 
@@ -78,7 +78,7 @@ def color_of(row: Mapping[str, Any]) -> str:
 
 def error_of(case: Mapping[str, Any], row: Mapping[str, Any], what: str) -> float:
     """The error that is drawn: never zero."""
-    return max(float(row["error"][what]), FLOOR)
+    return max(float(row["error"][what]), LEAST_SHOWN)
 
 
 def worthless(case: Mapping[str, Any], row: Mapping[str, Any], what: str) -> bool:
@@ -114,14 +114,14 @@ def draw_points(ax: Axes, case: Mapping[str, Any], what: str) -> None:
         thin: Any = {"color": color_of(r), "lw": 0.7, "alpha": 0.6}
         ax.plot(r["seconds_range"], [error, error], **thin)
         if "spread" in r:
-            ax.plot([at, at], [max(e, FLOOR) for e in r["spread"][what]], **thin)
+            ax.plot([at, at], [max(e, LEAST_SHOWN) for e in r["spread"][what]], **thin)
         fill, mark = "white" if r["told"] else color_of(r), "s" if r["kind"] == "peer" else "o"
         ax.plot(at, error, mark, color=color_of(r), mfc=fill, ms=4.8, zorder=4)
     least = case["bound"][what] if "bound" in case else case["resolved"]
     known = [least] if least and np.isfinite(least) else []
     ax.set(xscale="log", yscale="log")
-    ax.set_xlim(*around([r["seconds"] for r in rows], ROOM))
-    ax.set_ylim(*around([error_of(case, r, what) for r in rows] + known, ROOM))
+    ax.set_xlim(*room_around([r["seconds"] for r in rows], ROOM))
+    ax.set_ylim(*room_around([error_of(case, r, what) for r in rows] + known, ROOM))
     if known:
         ax.axhline(least, color=INK, lw=1.0, ls=DASHED, zorder=1)
     names = {r["name"] for r in rows}
@@ -130,7 +130,7 @@ def draw_points(ax: Axes, case: Mapping[str, Any], what: str) -> None:
         ax.plot([*along, ax.get_xlim()[1]], [ax.get_ylim()[1], *down], color=GRAY, lw=1.2, zorder=2)
 
 
-def around(values: list[float], factor: float) -> tuple[float, float]:
+def room_around(values: list[float], factor: float) -> tuple[float, float]:
     """Limits of a log axis about values, with room of a factor on both sides.
 
     >>> around([1.0, 100.0], 2.0)

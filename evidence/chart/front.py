@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-ROUNDING = 1.001  # errors within this ratio are the same answer
+SAME_ANSWER = 1.001  # errors within this ratio are the same answer
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def front(points: Sequence[Point]) -> list[Point]:
     """
     best, found = np.inf, []
     for point in sorted((p for p in points if not p.told), key=lambda p: (p.seconds, p.error)):
-        if point.error * ROUNDING < best:
+        if point.error * SAME_ANSWER < best:
             best = point.error
             found.append(point)
     return found
@@ -57,7 +57,7 @@ def front(points: Sequence[Point]) -> list[Point]:
 def most_accurate(points: Sequence[Point]) -> Point:
     """The point of least error; of those that answer the same, the first named."""
     least = min(p.error for p in points)
-    return next(p for p in points if p.error <= ROUNDING * least)
+    return next(p for p in points if p.error <= SAME_ANSWER * least)
 
 
 def ahead(points: Sequence[Point], margin: float) -> list[Point]:

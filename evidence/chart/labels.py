@@ -17,7 +17,7 @@ from forceid.report.plots.style import GRAY
 DISTANCES = (7.0, 14.0, 24.0, 36.0, 50.0, 66.0, 84.0, 104.0, 126.0, 150.0)  # points
 DIRECTIONS = np.radians([0, 180, 30, -30, 150, -150, 60, -60, 120, -120, 90, -90])
 HALO = [withStroke(linewidth=2.5, foreground="white")]  # lines pass behind a name
-MARK = 4.0  # points: half of the side that a mark takes up
+HALF_MARK = 4.0  # points: half of the side that a mark takes up
 
 
 def place_labels(
@@ -31,7 +31,7 @@ def place_labels(
     at = ax.transData.transform(xy)
     frame = ax.get_window_extent(renderer)
     inside = np.array([frame.x0 + 2, frame.y0 + 2, frame.x1 - 2, frame.y1 - 2])
-    half = MARK * scale
+    half = HALF_MARK * scale
     taken = [np.array([x - half, y - half, x + half, y + half]) for x, y in at]
     for i in np.lexsort((at[:, 1], crowd(at))):
         style: Any = {"fontsize": size, "color": colors[i], "zorder": 5, "path_effects": HALO}

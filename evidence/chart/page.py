@@ -13,8 +13,8 @@ from evidence.chart.front import points_of as points_in_order
 from evidence.written import tabled
 
 NEAR = 1.25  # times the error of the best point: where default settings are to be
-FEW = 2  # cases: of more, what is said of each and its table are left to the pictures and to chart.json
-MEMORY = "Memory is the peak of what Python and numpy allocate."
+FEW_CASES = 2  # cases: of more, what is said of each and its table are left to the pictures and to chart.json
+MEMORY_NOTE = "Memory is the peak of what Python and numpy allocate."
 
 ChartCase = Mapping[str, Any]
 
@@ -35,11 +35,11 @@ def page(result: Mapping[str, Any], subjects: Iterable[Charted]) -> str:
         parts.append(f"Not installed here, and left out: {', '.join(result['missing'])}.")
     for subject in shown:
         if cases := [case for case in result["cases"] if case["subject"] == subject.name]:
-            reading = f"{subject.reading.format(timing(extent))} {MEMORY}"
-            few = len(result["cases"]) <= FEW
+            reading = f"{subject.reading.format(timing(extent))} {MEMORY_NOTE}"
+            few = len(result["cases"]) <= FEW_CASES
             parts += [f"## {subject.title}", reading, overview(subject, cases, few)]
             parts += [part for case in cases for part in of_case(subject, case, few)]
-    if len(result["cases"]) > FEW:
+    if len(result["cases"]) > FEW_CASES:
         parts.append("`chart.json` beside this page has everyone's error, claim, time and verdict.")
     return "\n\n".join(part for part in parts if part) + "\n"
 

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import savgol_filter
 
-from evidence.drawn.coverage import NOISES, RATES, recorded
+from evidence.claims.coverage import MARKER_NOISES, RATES, recorded
 from evidence.drawn.records.scored import estimated_score, stacked
 from evidence.judged import rms
 from evidence.subjects.flights.cases import Case
@@ -38,7 +38,7 @@ ASKED = {  # N, N m at 1 kHz
 SHOWN = 1000.0  # Hz: the rate of the table
 GOAL = 0.9  # of the best Savitzky-Golay filter: what is asked of every cell
 LENGTHS = np.geomspace(0.008, 0.16, 12)  # s
-ORDERS = (2, 4, 6)
+PRIOR_ORDERS = (2, 4, 6)
 METHODS: dict[str, dict[str, Any]] = {
     "smoother": {}, "no deformation": {"model": "rigid"}, "savgol": {"method": "savgol"},
     "world axes": {"load_axes": "world"},
@@ -55,7 +55,7 @@ ABOUT = """\
 Root mean square per axis over the central three quarters of 0.6 s, {seeds} seeds of noise. The rival is \
 Savitzky-Golay with route (accelerations of every mass, or Kabsch pose and rigid formula), order and window \
 chosen on the truth, for every cell and for force and moment apart."""
-KEPT = {"As it is": "smoother", "Along world axes": "world axes", "Told the prior": "told"}
+BOOMERANG_WAYS = {"As it is": "smoother", "Along world axes": "world axes", "Told the prior": "told"}
 LINES = {
     "smoother": (BLUE, "smoother, J(q)"), "no deformation": (VERMILION, "smoother, constant J"),
     "best savgol": (GREEN, "Savitzky-Golay, window chosen on the truth"),
@@ -101,7 +101,7 @@ def axial_vectors(A: Any) -> Any:
 def savgol_errors(recording: Any) -> Any:
     """Rms error per axis (setting, 2) of force and of moment for every route, order and window."""
     time, truth, errors = recording.motion.time, recording.truth, []
-    for route, order, length in product(routes(recording), ORDERS, LENGTHS):
+    for route, order, length in product(routes(recording), PRIOR_ORDERS, LENGTHS):
         window = max(2 * round(0.5 * length / (time[1] - time[0])) + 1, order + 1 + order % 2)
         force, moment = route(window, order)
         errors.append([rms(force - truth["force"]), rms(moment - truth["moment"])])
@@ -116,7 +116,7 @@ def told_errors(recording: Any) -> Any:
     return np.array([rms(state.force - force), rms(state.moment - moment)])
 
 
-def run_record(job: tuple[int, float, float, int]) -> tuple[Key, dict[str, Any]]:
+def all_methods(job: tuple[int, float, float, int]) -> tuple[Key, dict[str, Any]]:
     """All methods on one record."""
     markers, noise, rate, seed = job
     recording = recorded(SCENES[markers], rate, noise, seed)
@@ -179,9 +179,9 @@ def error_figure(cells: dict[Key, list[dict[str, Any]]]) -> Any:
 def main() -> int:
     """Write flight.md and flight.png; 1 where a cell is above what was asked."""
     args = asked("evidence.drawn.boomerang", __doc__, seeds=3, jobs=2)
-    cells: dict[Key, list[dict[str, Any]]] = {key: [] for key in product(SCENES, NOISES, RATES)}
+    cells: dict[Key, list[dict[str, Any]]] = {key: [] for key in product(SCENES, MARKER_NOISES, RATES)}
     jobs = [(*key, seed) for key in cells for seed in range(1, args.seeds + 1)]
-    for key, case in each(run_record, jobs, args.jobs, args.seeds):
+    for key, case in each(all_methods, jobs, args.jobs, args.seeds):
         cells[key].append(case)
     import matplotlib.pyplot as plt
 
@@ -197,7 +197,7 @@ def main() -> int:
         f"These are the cells of {SHOWN:g} Hz; the picture has the other rates.",
         f"Over all rates it is ahead in force and moment alike in {ahead} of {len(cells)} cells.",
         OVER.format(goal=GOAL),
-        *(f"- {said}: {within(cells, name)}." for said, name in KEPT.items()),
+        *(f"- {said}: {within(cells, name)}." for said, name in BOOMERANG_WAYS.items()),
         "![Error over rate](flight.png)",
     )  # fmt: skip
     missed = any((pooled_error(cells[*key, 1000.0], "smoother") > goal).any() for key, goal in ASKED.items())

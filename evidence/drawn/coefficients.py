@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from evidence.drawn.aircraft import Drawn, ball, frisbee, glider
-from evidence.drawn.coverage import SCENES
+from evidence.claims.coverage import SCENES
+from evidence.drawn.records.aircraft import Drawn, frisbee, glider, thrown_ball
 from evidence.written import asked, each, paged, pictured, tabled
 from forceid.aero import FittedLaw, fit_flights, law_setting
 from forceid.config import AeroSetting, load_settings
@@ -26,7 +26,7 @@ from forceid.records import Estimate, Recording
 from forceid.report.plots.style import BLUE, GRAY, VERMILION, label, panels
 from forceid.scenes import load_recipe, simulate
 
-DRAW = {"glider": glider, "frisbee": frisbee, "ball": ball}
+DRAW = {"glider": glider, "frisbee": frisbee, "ball": thrown_ball}
 TERMS: dict[str, dict[str, list[str]]] = {
     "glider": {
         "lift": ["1", "alpha", "alpha^2", "q"], "drag": ["1", "alpha", "alpha^2"], "side": ["beta", "p", "r"],
@@ -52,7 +52,7 @@ and no other."""
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedLaw:
     """A drawn flight and the law found: error over claim of every true term, NaN where it was not chosen."""
 
     kind: str
@@ -77,20 +77,20 @@ def fitted(
     return estimate, fit_flights([("flight", estimate)], law_setting({"law": terms, **more}, "law"), "law")
 
 
-def run_flight(job: tuple[str, int, int]) -> Judged:
+def run_flight(job: tuple[str, int, int]) -> JudgedLaw:
     """One drawn flight, estimated and fitted."""
     kind, k, seed = job
     drawn: Drawn = DRAW[kind](np.random.default_rng([seed, list(DRAW).index(kind), k]))
     try:
         _, law = fitted(drawn.recording, drawn.aero, TERMS[kind])
     except ForceIdError as e:
-        return Judged(kind, drawn.true, dict.fromkeys(drawn.true, np.nan), (), 1.96, str(e))
+        return JudgedLaw(kind, drawn.true, dict.fromkeys(drawn.true, np.nan), (), 1.96, str(e))
     off = {n: (v - drawn.true.get(n, 0.0)) / s for n, v, s in zip(law.name, law.value, law.std, strict=True)}
     extra = tuple(n for n in law.name if n not in drawn.true)
-    return Judged(kind, drawn.true, {n: off.get(n, np.nan) for n in drawn.true}, extra, law.factor)
+    return JudgedLaw(kind, drawn.true, {n: off.get(n, np.nan) for n in drawn.true}, extra, law.factor)
 
 
-def kind_rows(kind: str, of: list[Judged]) -> list[list[str]]:
+def kind_rows(kind: str, of: list[JudgedLaw]) -> list[list[str]]:
     """The rows of a kind: by component, and of all."""
     rows = []
     right = f"{sum(j.right for j in of)} of {len(of)}"
@@ -153,7 +153,7 @@ def scene_rows(scene: str, law: FittedLaw, true: dict[str, float]) -> list[list[
     return rows
 
 
-def polar(seed: int) -> Any:
+def polar_figure(seed: int) -> Any:
     """The picture: lift and drag of a glider over the angle of attack, as estimated, fitted, and true."""
     drawn = glider(np.random.default_rng([seed, 0, 0]))
     estimate, law = fitted(drawn.recording, drawn.aero, TERMS["glider"])
@@ -188,7 +188,7 @@ def main() -> None:
     found = list(each(run_flight, jobs, args.jobs))
     rows = [row for kind in DRAW for row in kind_rows(kind, [j for j in found if j.kind == kind])]
     wrong = [j for j in found if not j.right]
-    pictured(args.output, "coefficients", polar(args.seed))
+    pictured(args.output, "coefficients", polar_figure(args.seed))
     from resource import RUSAGE_CHILDREN, getrusage
 
     spent = process_time() - began + getrusage(RUSAGE_CHILDREN).ru_utime

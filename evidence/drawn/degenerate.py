@@ -111,7 +111,7 @@ def run_seed(seed: int, folder: str) -> BodyOutcome:
     return found or BodyOutcome(seed, draw_body(seed).kind, "too long")
 
 
-def quantiles(values: list[float]) -> str:
+def median_and_middle(values: list[float]) -> str:
     """Median and the middle 90 % of numbers."""
     known = np.array([v for v in values if np.isfinite(v)])
     if not len(known):
@@ -130,9 +130,9 @@ def outcome_counts(found: list[BodyOutcome]) -> str:
         "determined, and not given": sum(bool(o.missing) for o in found),
         f"given, and not determined by {ENOUGH} whole frames": sum(bool(o.undue) for o in found),
         "silently wrong": silent_share(o.silent for o in found),
-        "error over claim of the force, median (5 to 95 %)": quantiles([o.over[0] for o in found]),
-        "error over claim of the moment, median (5 to 95 %)": quantiles([o.over[1] for o in found]),
-        "time of inspect and estimate, s, median (5 to 95 %)": quantiles([o.seconds for o in found]),
+        "error over claim of the force, median (5 to 95 %)": median_and_middle([o.over[0] for o in found]),
+        "error over claim of the moment, median (5 to 95 %)": median_and_middle([o.over[1] for o in found]),
+        "time of inspect and estimate, s, median (5 to 95 %)": median_and_middle([o.seconds for o in found]),
         **{f"verdict {name}": count for name, count in sorted(verdicts.items())},
     }
     return tabled(("what", "found"), [[name, str(value)] for name, value in rows.items()])

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from evidence.claims.strict import matern_path
 from evidence.drawn.records.scored import (
     FORCE,
     MOMENT,
@@ -28,7 +29,6 @@ from evidence.drawn.records.scored import (
     stacked,
     told_whole,
 )
-from evidence.drawn.strict import matern_path
 from evidence.vectors import GRAVITY
 from evidence.written import asked, each, paged, tabled
 from forceid.records import Array, Motion, Recording
@@ -43,7 +43,7 @@ CHOICES = ("world", "body", "auto")
 MARKERS, SAMPLES = (4, 11), (200, 600)
 RATES, NOISES = (100.0, 1000.0), (1e-4, 1e-3)  # Hz, m
 SPINS, TURN = (2.0, 60.0), 0.25  # rad/s; rad a frame, at most
-FORGETS = (4.0, 30.0)  # times in a record that a load forgets itself
+FORGETTING_TIMES = (4.0, 30.0)  # times in a record that a load forgets itself
 SHOWN = (5.0, 300.0)  # what a load moves the mass center or turns the body by, over the noise of a pose
 SUBSTEPS = 10  # of a sample, in the path of a load
 SIZE = 0.15  # m: of a body
@@ -72,7 +72,7 @@ def log_uniform(rng: np.random.Generator, span: tuple[float, float]) -> float:
     return float(np.exp(rng.uniform(*np.log(span))))
 
 
-def draw_record(turns: tuple[bool, bool], rng: np.random.Generator) -> TurningRecord:
+def draw_flight(turns: tuple[bool, bool], rng: np.random.Generator) -> TurningRecord:
     """A record whose force and moment turn with the body, or do not."""
     markers, samples = int(rng.integers(*MARKERS)), int(log_uniform(rng, SAMPLES))
     rate, noise, mass = log_uniform(rng, RATES), log_uniform(rng, NOISES), log_uniform(rng, (0.1, 10.0))
@@ -86,7 +86,7 @@ def draw_record(turns: tuple[bool, bool], rng: np.random.Generator) -> TurningRe
     pose_std = noise / np.sqrt(markers)
     loads = []
     for moved in (mass * pose_std, float(np.trace(J)) / 3 * pose_std / SIZE):
-        forgets = log_uniform(rng, FORGETS) / span
+        forgets = log_uniform(rng, FORGETTING_TIMES) / span
         size = moved * forgets**2 * log_uniform(rng, SHOWN)
         axes = Rotation.random(random_state=rng).as_matrix() * (size * np.exp(rng.uniform(-1.5, 0.0, 3)))
         loads.append((axes, matern_path(1.0, forgets, fine, rng)))
@@ -125,7 +125,7 @@ def draw_record(turns: tuple[bool, bool], rng: np.random.Generator) -> TurningRe
 def run_record(job: tuple[str, int, int]) -> tuple[str, dict[str, RecordScore], tuple[bool, bool]]:
     """A record estimated along each choice of axes; of the chosen ones, which loads turn."""
     kind, k, seed = job
-    record = draw_record(KINDS[kind], np.random.default_rng([seed, list(KINDS).index(kind), k]))
+    record = draw_flight(KINDS[kind], np.random.default_rng([seed, list(KINDS).index(kind), k]))
     scores = {axes: estimated_score(record.recording, model="rigid", load_axes=axes) for axes in CHOICES}
     chosen = scores["auto"].tuned
     return kind, scores, ("force_turns" in chosen, "moment_turns" in chosen)

@@ -24,7 +24,7 @@ from forceid.estimation.run import estimate_recording
 from forceid.records import Array
 
 TASKS = "walk", "run", "squat", "jump"
-EDGE = 20  # frames at either end that are not judged
+EDGE_FRAMES = 20  # frames at either end that are not judged
 ABOUT = """\
 Persons of 12 segments and 52 markers, 5 s at 100 Hz, on whose bones skin and mass tables err; {seeds} a kind
 of motion, tracks raw or low-passed at 12 Hz. Errors of force and moment with `model = "segments"` are
@@ -35,7 +35,7 @@ what is `ok` or [silently wrong](calibration.md), and CPU a second."""
 
 def off(values: Array) -> Array:
     """Rms (axis,) without the ends."""
-    return np.asarray(np.sqrt((values[EDGE:-EDGE] ** 2).mean(0)))
+    return np.asarray(np.sqrt((values[EDGE_FRAMES:-EDGE_FRAMES] ** 2).mean(0)))
 
 
 def kind_rows(kind: tuple[str, float], seeds: int) -> list[dict[str, Any]]:

@@ -82,7 +82,7 @@ def plate_flight(seed: int, markers: int, told: str) -> Recording:
     return Recording(body, Motion(fine[at], shown, gravity=GRAVITY, noise_std={"position": SIGMA}), truth)
 
 
-def rows_of(kind: tuple[int, int], said: tuple[str, ...], lines: str) -> list[dict[str, Any]]:
+def plate_rows(kind: tuple[int, int], said: tuple[str, ...], lines: str) -> list[dict[str, Any]]:
     """A row a description of one plate, the first of which the others stand against."""
     (markers, seed), rows, untold = kind, [], None
     for told in said:
@@ -104,7 +104,7 @@ def rows_of(kind: tuple[int, int], said: tuple[str, ...], lines: str) -> list[di
     return rows
 
 
-def found(rows: list[dict[str, Any]]) -> str:
+def totals(rows: list[dict[str, Any]]) -> str:
     """What the rows add up to."""
 
     def largest(name: str) -> str:
@@ -140,13 +140,13 @@ def main() -> None:
     taken = {"seeds": 3, "first": 0, "markers": (3, 4, 5, 6, 7, 8), "told": TOLD, "lines": "auto"}
     given = asked("evidence.drawn.plate_face", __doc__, **taken)
     kinds = list(product(given.markers, range(given.first, given.first + given.seeds)))
-    work = partial(rows_of, said=tuple(given.told), lines=given.lines)
+    work = partial(plate_rows, said=tuple(given.told), lines=given.lines)
     rows = [row for some in each(work, kinds, 1) for row in some]
     what, title = (__doc__ or "").split("\n\n", 2)[2].strip(), "A bending plate with markers on one face"
     markers = f"{min(given.markers)} to {max(given.markers)} markers"
     told = f"Errors of `auto` by what is told, {markers}: medians, and the largest."
     paged(
-        given.output, "plate_face", title, f"`{given.command}`", what, RULE, found(rows), told, by_told(rows)
+        given.output, "plate_face", title, f"`{given.command}`", what, RULE, totals(rows), told, by_told(rows)
     )  # fmt: skip
 
 

@@ -30,7 +30,7 @@ from evidence.written import asked, each, paged, tabled
 from forceid.files.stored.hdf5 import read_motion
 from forceid.records import Array
 
-BANDS = (10.0, 30.0, 100.0, 300.0, 600.0)  # Hz, sample rates
+SAMPLE_RATES = (10.0, 30.0, 100.0, 300.0, 600.0)  # Hz, sample rates
 NOISE = 2e-3, 0.03  # rad/s and m/s2: of a reading, about what parts for a telephone have at 100 Hz
 BIAS = 0.01, 0.1  # rad/s and m/s2: of such a part at one temperature
 SENSORS = ("angular_velocity", "specific_force")
@@ -75,8 +75,8 @@ def draw_throw(rng: np.random.Generator) -> Thrown:
     kind = str(rng.choice(["none", "world", "body"]))
     slow = float(rng.uniform(0.2, min(5.0, rate / 20)))  # Hz: how fast loads change
     strong = 0.0 if kind == "none" else float(np.exp(rng.uniform(np.log(0.03), 0)))
-    push = waves(rng, slow, strong * mass * -GRAVITY[2])
-    twist = waves(rng, slow, strong * float(np.linalg.eigvalsh(inertia)[0]) * 20.0)
+    push = three_sines(rng, slow, strong * mass * -GRAVITY[2])
+    twist = three_sines(rng, slow, strong * float(np.linalg.eigvalsh(inertia)[0]) * 20.0)
 
     def in_body(load: Callable[[Array], Array], t: Array, R: Array) -> Array:
         return np.einsum("tba,tb->ta", R, load(t)) if kind == "world" else load(t)
@@ -107,7 +107,7 @@ def draw_throw(rng: np.random.Generator) -> Thrown:
     )  # fmt: skip
 
 
-def waves(rng: np.random.Generator, slow: float, size: float) -> Callable[[Array], Array]:
+def three_sines(rng: np.random.Generator, slow: float, size: float) -> Callable[[Array], Array]:
     """A smooth load of time: three sines an axis and a mean, of that size."""
     level, phase = rng.standard_normal((4, 3)), rng.uniform(0, 2 * np.pi, (3, 3))
     pace = 2 * np.pi * slow * rng.uniform(0.2, 1, (3, 3))
@@ -170,7 +170,7 @@ def bands(outcomes: Sequence[tuple[float, RecordScore]]) -> str:
     heads, rows = ["sample rate (Hz)", "throws", "verdicts", "silently wrong"], []
     for name in LOADS:
         heads += [f"{name}: error over claim, median and 90 %", "within two claims"]
-    for low, high in [*pairwise(BANDS), (BANDS[0], BANDS[-1])]:
+    for low, high in [*pairwise(SAMPLE_RATES), (SAMPLE_RATES[0], SAMPLE_RATES[-1])]:
         mine = [score for rate, score in outcomes if low <= rate < high]
         ended = np.array([score.over for score in mine if score.verdict != "refused"])
         if not len(ended):

@@ -25,7 +25,7 @@ WORKLOADS = {
     "tuning": "tuned_smoother",
     "start": "start",
 }
-LIBRARIES = (
+RACED_LIBRARIES = (
     "forceid", "numpy", "scipy", "filterpy", "statsmodels", "pykalman", "simdkalman", "dynamax", "jax",
     "pynumdiff", "xarray", "h5netcdf", "h5py",
 )  # fmt: skip
@@ -58,7 +58,7 @@ def machine_facts(args: argparse.Namespace) -> dict[str, object]:
         "processor": f"{os.cpu_count()} x {cpu[0].split(':')[1].strip() if cpu else platform.machine()}",
         "python": platform.python_version(),
         "engine": kalman.engine("auto").name,
-        "versions": ", ".join(f"{name} {installed_version(name)}" for name in LIBRARIES),
+        "versions": ", ".join(f"{name} {installed_version(name)}" for name in RACED_LIBRARIES),
     }
 
 

@@ -19,7 +19,7 @@ from scipy.linalg import expm
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.strict import shape
+from evidence.claims.strict import shape
 from evidence.races.paired import Goal, Race, RaceAnswer, Racer
 from forceid import kalman
 from forceid.flight.channels import Start
@@ -146,7 +146,7 @@ def rotated(phi: np.ndarray) -> np.ndarray:
     ])  # fmt: skip
 
 
-def vector(R: np.ndarray) -> np.ndarray:
+def small_turn(R: np.ndarray) -> np.ndarray:
     """Rotation vector of a small rotation, to third order of its sine."""
     s = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     return s * (1 + (s @ s) / 6)
@@ -195,7 +195,7 @@ def rival(scene: RaceScene) -> Any:
     jacobian = np.zeros((len(X), 3, 18))
     jacobian[:, :, :3] = np.eye(3)
     R = fit_pose(scene.position[:2], X, np.ones(len(X)), NOISE**2 * np.eye(z.shape[1])).rotation
-    H = R[0] @ scene.inertia @ R[0].T @ vector(R[1] @ R[0].T) / STEP
+    H = R[0] @ scene.inertia @ R[0].T @ small_turn(R[1] @ R[0].T) / STEP
     R, moment_of_mass = R[0], scene.mass**2
     ekf.x[:3], ekf.x[12:15] = scene.position[0].mean(0) - (X @ R.T).mean(0), H
     var = (START.second / moment_of_mass, START.first / moment_of_mass, STD_F**2, 1.0, START.first, STD_T**2)
@@ -260,7 +260,7 @@ def rauch_tung_striebel(path: list[tuple[np.ndarray, ...]]) -> Any:
     ):
         gain = np.linalg.solve(P_pred, F @ P_now).T
         e = x - x_pred
-        e[9:12] = vector(R @ R_pred.T)
+        e[9:12] = small_turn(R @ R_pred.T)
         d = gain @ e
         x, R = x_now + d, rotated(d[9:12]) @ R_now
         x[9:12] = 0.0

@@ -10,22 +10,22 @@ from evidence.races import models, peers
 from evidence.races.paired import Goal, Race, Racer
 from forceid import kalman
 
-SAMPLES = 1000
+SIGNAL_SAMPLES = 1000
 
 
 def races(quick: bool) -> Iterator[Race]:
     signals = 100 if quick else 1000
     model = models.matern_bank([3, 3], 2, seed=6)
-    z = models.draw_measurements(model, SAMPLES, seed=1, signals=signals)
+    z = models.draw_measurements(model, SIGNAL_SAMPLES, seed=1, signals=signals)
     for smooth in (False, True):
         work = "filter and smoother" if smooth else "filter"
         yield Race(
-            title=f"W2 {signals} signals x {SAMPLES}, n = 6, m = 2: {work}",
+            title=f"W2 {signals} signals x {SIGNAL_SAMPLES}, n = 6, m = 2: {work}",
             contestants=list(contestants(model, z, smooth)),
             base="filterpy",
             size=signals,
             check=4,
-            samples=SAMPLES,
+            samples=SIGNAL_SAMPLES,
             goals=[Goal("forceid auto", "filterpy", 500), Goal("forceid auto", "dynamax", 2.5)],
         )
 

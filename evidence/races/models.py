@@ -34,16 +34,16 @@ def draw_measurements(model: kalman.StateSpace, samples: int, seed: int, signals
     """Measurements (time, signal, channel) of independent runs of the model."""
     rng = np.random.default_rng(seed)
     n, m = len(model.x0), len(model.H)
-    x = rng.standard_normal((signals, n)) @ root_of(model.P0).T
-    Ft, Ht, Qt = model.F.T.copy(), model.H.T.copy(), root_of(model.Q).T.copy()
-    z = rng.standard_normal((samples, signals, m)) @ root_of(model.R).T
+    x = rng.standard_normal((signals, n)) @ root_factor(model.P0).T
+    Ft, Ht, Qt = model.F.T.copy(), model.H.T.copy(), root_factor(model.Q).T.copy()
+    z = rng.standard_normal((samples, signals, m)) @ root_factor(model.R).T
     for k in range(samples):
         z[k] += x @ Ht
         x = x @ Ft + rng.standard_normal((signals, n)) @ Qt
     return z
 
 
-def root_of(P: Arrays) -> Arrays:
+def root_factor(P: Arrays) -> Arrays:
     """C with C C^T = P, of a P that may be singular."""
     spread, axes = np.linalg.eigh(P)
     return axes * np.sqrt(np.maximum(spread, 0.0))

@@ -83,7 +83,7 @@ class Race:
 
 
 @dataclass
-class Row:
+class RaceRow:
     """What was found of one contestant: seconds per sample in each round, or why it did not start."""
 
     name: str
@@ -101,7 +101,7 @@ class Row:
         """Median over rounds of the seconds per sample."""
         return float(np.median(self.seconds))
 
-    def times_as_fast_as(self, other: Row) -> tuple[float, float, float]:
+    def times_as_fast_as(self, other: RaceRow) -> tuple[float, float, float]:
         """Minimum, median and maximum over rounds of the other's time over this one's."""
         ratio = np.array(other.seconds) / np.array(self.seconds)
         return float(ratio.min()), float(np.median(ratio)), float(ratio.max())
@@ -112,7 +112,7 @@ class RaceOutcome:
     """A race that was run."""
 
     race: Race
-    rows: dict[str, Row]
+    rows: dict[str, RaceRow]
 
     def verdicts(self) -> list[tuple[str, str, bool | None]]:
         """Each goal in words, what was measured, and whether it is met; None where nobody ran."""
@@ -139,13 +139,13 @@ class RaceOutcome:
 
 def run(race: Race, rounds: int, budget: float) -> RaceOutcome:
     """Check, then time: `rounds` rounds, each contestant on a stretch that takes it about `budget` s."""
-    rows: dict[str, Row] = {}
+    rows: dict[str, RaceRow] = {}
     answers: dict[str, RaceAnswer] = {}
     jobs: dict[str, Callable[[], Any]] = {}
     gc.collect()
     gc.freeze()
     for c in race.contestants:
-        row = rows[c.name] = Row(c.name, judged=c.judged, tolerance=race.tolerance)
+        row = rows[c.name] = RaceRow(c.name, judged=c.judged, tolerance=race.tolerance)
         try:
             job = c.prepare(race.check)
             found, pace = timed_once(job)
@@ -153,7 +153,7 @@ def run(race: Race, rounds: int, budget: float) -> RaceOutcome:
             if pace < SLOW:
                 pace = cpu_seconds(job, 1)  # warm, and compiled
             pace = pace / race.check
-            row.size = stretch(c, race, pace, budget)
+            row.size = timed_size(c, race, pace, budget)
             if row.size != race.check:
                 job = c.prepare(row.size)
                 job()  # warm, and compiled for this size
@@ -180,7 +180,7 @@ def run(race: Race, rounds: int, budget: float) -> RaceOutcome:
     return RaceOutcome(race, rows)
 
 
-def stretch(c: Racer, race: Race, pace: float, budget: float) -> int:
+def timed_size(c: Racer, race: Race, pace: float, budget: float) -> int:
     """The size on which a contestant that takes `pace` s a unit is timed."""
     limit = PATIENCE * budget if c.whole else budget
     if pace * race.size <= limit:
@@ -227,12 +227,12 @@ def difference(reference: np.ndarray, answer: np.ndarray) -> float:
     return float(difference) if np.isfinite(difference) else float("inf")
 
 
-def wrong(row: Row) -> bool:
+def wrong(row: RaceRow) -> bool:
     """Whether an answer that should agree does not."""
     return row.judged and max(row.disagreement.values(), default=0.0) > row.tolerance
 
 
-def agreement(row: Row) -> str:
+def agreement(row: RaceRow) -> str:
     """The agreement found, in words."""
     if not row.judged or not row.disagreement:
         return "not compared"

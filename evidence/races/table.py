@@ -7,11 +7,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from evidence.races.paired import RaceOutcome, Row, agreement, three_figures, wrong
+from evidence.races.paired import RaceOutcome, RaceRow, agreement, three_figures, wrong
 from evidence.written import tabled, written
 
 CLOCKS = {"ns": 1e9, "us": 1e6, "ms": 1e3}
-MARK = {True: "met", False: "NOT MET", None: "not measured"}
+TARGET_WORDS = {True: "met", False: "NOT MET", None: "not measured"}
 
 
 def lines(outcome: RaceOutcome) -> str:
@@ -37,10 +37,10 @@ def lines(outcome: RaceOutcome) -> str:
 
 def goals(outcome: RaceOutcome) -> list[list[str]]:
     """Goals in words, what was measured, and whether they are met."""
-    return [[text, measured, MARK[met]] for text, measured, met in outcome.verdicts()]
+    return [[text, measured, TARGET_WORDS[met]] for text, measured, met in outcome.verdicts()]
 
 
-def timed_on(outcome: RaceOutcome, row: Row) -> str:
+def timed_on(outcome: RaceOutcome, row: RaceRow) -> str:
     """How much of the job was measured; of the rest, the time is taken in proportion."""
     part, whole = row.size * outcome.race.samples, outcome.race.size * outcome.race.samples
     return f"{part:,}" + ("" if part == whole else f" of {whole:,}")
@@ -81,7 +81,7 @@ def times(outcome: RaceOutcome) -> list[str]:
     return [race.title, *(spent(race.clock, row) for row in (ours, other))]
 
 
-def spent(clock: str, row: Row | None) -> str:
+def spent(clock: str, row: RaceRow | None) -> str:
     """Who took how long, or a dash; with a word where the answer is wrong."""
     if row is None:
         return "-"

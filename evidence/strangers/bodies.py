@@ -64,7 +64,7 @@ def world(inside: str, joint: str = "<freejoint/>", beside: str = "", of: str = 
     return f"<worldbody>{beside}<body name='body' {of}>{joint}{inside}</body></worldbody>"
 
 
-def started(place: Any, turn: Rotation, velocity: Any, spin: Any) -> tuple[Array, Array]:
+def free_start(place: Any, turn: Rotation, velocity: Any, spin: Any) -> tuple[Array, Array]:
     """A start of a free body: place (3,) m, attitude, velocity (3,) m/s, spin (3,) rad/s in body axes."""
     return np.concatenate([place, turn.as_quat(scalar_first=True)]), np.concatenate([velocity, spin])
 
@@ -72,10 +72,10 @@ def started(place: Any, turn: Rotation, velocity: Any, spin: Any) -> tuple[Array
 def flung(rng: np.random.Generator, speed: float, spin: Array, high: float = 0.0) -> tuple[Array, Array]:
     """A start high m above the floor, turned any way, at speed m/s any way, with spin (3,) rad/s."""
     turn = Rotation.random(random_state=rng)
-    return started(np.append(rng.standard_normal(2), high), turn, speed * direction(rng), spin)
+    return free_start(np.append(rng.standard_normal(2), high), turn, speed * unit_direction(rng), spin)
 
 
-def direction(rng: np.random.Generator) -> Array:
+def unit_direction(rng: np.random.Generator) -> Array:
     """A unit vector (3,)."""
     way = rng.standard_normal(3)
     return np.asarray(way / np.linalg.norm(way))

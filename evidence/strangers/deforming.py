@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.strangers.bodies import Solid, direction, flung, sites, words, world
-from evidence.strangers.ground import FLOOR
-from evidence.strangers.simulated import BODY, WEIGHT, Camera, Scene
+from evidence.strangers.bodies import Solid, flung, sites, unit_direction, words, world
+from evidence.strangers.ground import GROUND_PLANE
+from evidence.strangers.simulated import WATCHED_BODY, WEIGHT, Camera, Scene
 from forceid.records import Array
 
 SMALL = 2e-3  # m: radius of gyration of what a user takes for a mass point
@@ -33,7 +33,7 @@ def three_links(rng: np.random.Generator, camera: Camera) -> Scene:
     for k in range(3):
         links.append(np.array([length[k], 0.1, 0.1]) * (rng.uniform(0, 1, (count, 3)) - [0, 0.5, 0.5]))
         masses.append(rng.uniform(0.02, 0.15, count))
-    hinged, axis = int(rng.integers(2)), direction(rng)
+    hinged, axis = int(rng.integers(2)), unit_direction(rng)
     spring, slow = rng.uniform(0, 1), rng.uniform(0, 0.005)
     kinds = ["ball", "ball"]
     kinds[hinged] = "hinge"
@@ -48,11 +48,11 @@ def three_links(rng: np.random.Generator, camera: Camera) -> Scene:
         )
     q, v = flung(rng, rng.uniform(1, 4), rng.uniform(-4, 4, 3))
     start = q, np.append(v, rng.uniform(-6, 6, 4))
-    push = float(rng.random() < 0.5) * np.sum(masses) * WEIGHT * rng.uniform(0.1, 0.5) * direction(rng)
+    push = float(rng.random() < 0.5) * np.sum(masses) * WEIGHT * rng.uniform(0.1, 0.5) * unit_direction(rng)
     w = 2 * np.pi * rng.uniform(0.3, 2)
 
     def drive(data: Any) -> None:
-        data.xfrc_applied[BODY, :3] = np.sin(w * data.time) * push
+        data.xfrc_applied[WATCHED_BODY, :3] = np.sin(w * data.time) * push
 
     names = [f"m{k}" for k in range(3 * count)]
     part: list[dict[str, Any]] = [
@@ -67,7 +67,7 @@ def three_links(rng: np.random.Generator, camera: Camera) -> Scene:
     ]
     return Scene(
         world(lumps(links[0], masses[0]) + inside), start, drive, mass=np.concatenate(masses),
-        joints=(BODY + 1, BODY + 2), settings={"part": part, "joint": joint},
+        joints=(WATCHED_BODY + 1, WATCHED_BODY + 2), settings={"part": part, "joint": joint},
     )  # fmt: skip
 
 
@@ -109,7 +109,7 @@ def block(rng: np.random.Generator, dropped: bool) -> Scene:
     spin, ring = rng.uniform(-6, 6, 3), rng.uniform(-1.5, 1.5, (3, 3))
     X = spacing * (np.array(list(product(*map(range, grid)))) - (np.array(grid) - 1) / 2)
     about = Rotation.random(random_state=rng).apply(X)
-    speed = direction(rng) * rng.uniform(0, 4) * [1, 1, 0 if dropped else 1]
+    speed = unit_direction(rng) * rng.uniform(0, 4) * [1, 1, 0 if dropped else 1]
     high = np.array([0.0, 0.0, np.linalg.norm(X[0]) + rng.uniform(0.05, 0.3)])
     drag = 0.0 if dropped else rng.uniform(0.02, 0.3) * mass / nodes
 
@@ -117,9 +117,9 @@ def block(rng: np.random.Generator, dropped: bool) -> Scene:
 
     def drive(data: Any) -> None:
         v = data.qvel.reshape(-1, 3)
-        data.xfrc_applied[BODY + 1 :, :3] = -drag * np.linalg.norm(v, axis=1)[:, None] * v
+        data.xfrc_applied[WATCHED_BODY + 1 :, :3] = -drag * np.linalg.norm(v, axis=1)[:, None] * v
 
-    inside, each = world(flex, "", FLOOR if dropped else ""), np.full(nodes, mass / nodes)
+    inside, each = world(flex, "", GROUND_PLANE if dropped else ""), np.full(nodes, mass / nodes)
     return Scene(inside, start, drive, mass=each, at_vertices=True)
 
 

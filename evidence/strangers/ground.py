@@ -7,21 +7,21 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.strangers.bodies import Solid, flung, started, words, world
-from evidence.strangers.simulated import BODY, WEIGHT, Camera, Scene
+from evidence.strangers.bodies import Solid, flung, free_start, words, world
+from evidence.strangers.simulated import WATCHED_BODY, WEIGHT, Camera, Scene
 from forceid.records import Array
 
-FLOOR = '<geom type="plane" size="0 0 1"/>'
+GROUND_PLANE = '<geom type="plane" size="0 0 1"/>'
 TOUCHING = 'integrator="implicitfast" cone="elliptic"'
 Start = tuple[Array, Array]
-CREEP = 0.02  # m/s: of a slip, below which friction falls off
+SLIP_CREEP = 0.02  # m/s: of a slip, below which friction falls off
 
 
 def bouncing(rng: np.random.Generator, body: Solid, shape: str, start: Start) -> Scene:
     """A body that falls on the floor with a shape; a contact lasts 5 to 40 ms by itself."""
     lasts, ratio = rng.uniform(0.005, 0.04), rng.uniform(0.05, 0.4)
     solref, slide = f"{lasts / np.pi / ratio} {ratio}", rng.uniform(0.1, 0.7)
-    inside = world(body.inertial + shape + body.sites(rng), beside=FLOOR)
+    inside = world(body.inertial + shape + body.sites(rng), beside=GROUND_PLANE)
     of = f'<default><geom solref="{solref}" friction="{slide}" solimp="0.95 0.95 0.001"/></default>'
     return Scene(of + inside, start, options=TOUCHING)
 
@@ -34,14 +34,14 @@ def sliding(rng: np.random.Generator, body: Solid, radius: float, low: float, st
     slide, shape = rng.uniform(0.1, 0.7), f'<geom type="sphere" size="{radius}" pos="0 0 {-low}"/>'
 
     def drive(data: Any) -> None:
-        R = data.xmat[BODY].reshape(3, 3)
-        touch = data.xpos[BODY] - low * R[:, 2] - [0.0, 0.0, radius]
-        slip = (data.qvel[:3] + np.cross(R @ data.qvel[3:6], touch - data.xpos[BODY])) * [1, 1, 0]
+        R = data.xmat[WATCHED_BODY].reshape(3, 3)
+        touch = data.xpos[WATCHED_BODY] - low * R[:, 2] - [0.0, 0.0, radius]
+        slip = (data.qvel[:3] + np.cross(R @ data.qvel[3:6], touch - data.xpos[WATCHED_BODY])) * [1, 1, 0]
         size = np.linalg.norm(slip)
-        F = -slide * body.mass * WEIGHT * np.tanh(size / CREEP) * slip / max(size, 1e-12)
-        data.xfrc_applied[BODY] = np.concatenate([F, np.cross(touch - data.xipos[BODY], F)])
+        F = -slide * body.mass * WEIGHT * np.tanh(size / SLIP_CREEP) * slip / max(size, 1e-12)
+        data.xfrc_applied[WATCHED_BODY] = np.concatenate([F, np.cross(touch - data.xipos[WATCHED_BODY], F)])
 
-    inside = world(body.inertial + shape + body.sites(rng), beside=FLOOR)
+    inside = world(body.inertial + shape + body.sites(rng), beside=GROUND_PLANE)
     of = '<default><geom condim="1" solref="0.006 1" solimp="0.95 0.95 0.001"/></default>'
     return Scene(of + inside, start, drive, options=TOUCHING)
 
@@ -72,7 +72,7 @@ def rolling(rng: np.random.Generator, camera: Camera) -> Scene:
     body, radius = ball(rng, rng.uniform(0.3, 4))
     turn, speed = Rotation.random(random_state=rng), rng.uniform(0.5, 2.5)
     spin = rng.uniform(-2, 2), rng.uniform(-0.5, 1.5) * speed / radius, rng.uniform(-5, 5)
-    start = started([0, 0, radius], turn, [speed, 0, 0], turn.inv().apply(spin))
+    start = free_start([0, 0, radius], turn, [speed, 0, 0], turn.inv().apply(spin))
     return sliding(rng, body, radius, 0.0, start)
 
 
@@ -82,5 +82,5 @@ def top(rng: np.random.Generator, camera: Camera) -> Scene:
     half, J = radius * np.array([1, 1, 0.4]), mass * radius**2 * np.diag([0.3, 0.3, 0.5])
     spin, tilt, tip = min(rng.uniform(40, 120), 0.3 * camera.rate), rng.uniform(0.05, 0.3), 0.003
     turn = Rotation.from_euler("zx", [rng.uniform(0, 6), tilt])
-    start = started([0, 0, tall * np.cos(tilt) + tip], turn, np.zeros(3), [*rng.uniform(-1, 1, 2), spin])
+    start = free_start([0, 0, tall * np.cos(tilt) + tip], turn, np.zeros(3), [*rng.uniform(-1, 1, 2), spin])
     return sliding(rng, Solid(half, mass, np.zeros(3), J), tip, tall, start)

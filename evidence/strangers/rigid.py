@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evidence.strangers.bodies import Solid, direction, flung, words, world
-from evidence.strangers.simulated import BODY, WEIGHT, WHEEL, Camera, Scene
+from evidence.strangers.bodies import Solid, flung, unit_direction, words, world
+from evidence.strangers.simulated import WATCHED_BODY, WEIGHT, WHEEL, Camera, Scene
 from forceid.records import Array
 
 
 def velocity_of(data: Any) -> tuple[Array, Array]:
     """Velocity of the mass center of a free body, and its angular velocity, world axes."""
-    w = data.xmat[BODY].reshape(3, 3) @ data.qvel[3:6]
-    return data.qvel[:3] + np.cross(w, data.xipos[BODY] - data.xpos[BODY]), w
+    w = data.xmat[WATCHED_BODY].reshape(3, 3) @ data.qvel[3:6]
+    return data.qvel[:3] + np.cross(w, data.xipos[WATCHED_BODY] - data.xpos[WATCHED_BODY]), w
 
 
-def thrown(rng: np.random.Generator, body: Solid, speed: float, spin: Array, drag: Any, slow: float) -> Scene:
+def aloft(rng: np.random.Generator, body: Solid, speed: float, spin: Array, drag: Any, slow: float) -> Scene:
     """A body in the air. drag (3,): over its weight, at first, along its axes; slow: of a turn, over inertia.
 
     The drag acts off the mass center, by up to a fifth of its size.
@@ -28,10 +28,10 @@ def thrown(rng: np.random.Generator, body: Solid, speed: float, spin: Array, dra
 
     def drive(data: Any) -> None:
         v, w = velocity_of(data)
-        R = data.xmat[BODY].reshape(3, 3)
+        R = data.xmat[WATCHED_BODY].reshape(3, 3)
         F = -R @ (push * (R.T @ v)) * np.linalg.norm(v)
         T = np.cross(R @ off, F) - slow * np.linalg.norm(w) * w
-        data.xfrc_applied[BODY] = np.concatenate([F, T])
+        data.xfrc_applied[WATCHED_BODY] = np.concatenate([F, T])
 
     return Scene(world(body.inertial + body.sites(rng)), flung(rng, speed, spin), drive)
 
@@ -40,15 +40,15 @@ def box_in_air(rng: np.random.Generator, camera: Camera) -> Scene:
     """A box that is thrown, with drag of 5 to 100 % of its weight at first."""
     body = Solid.drawn(rng, rng.uniform(0.04, 0.2, 3), np.exp(rng.uniform(np.log(0.2), np.log(5))))
     drag = rng.uniform(0.1, 1) * rng.uniform(0.5, 1, 3)
-    spin = rng.uniform(1, 12) * direction(rng)
-    return thrown(rng, body, rng.uniform(3, 8), spin, drag, rng.uniform(0, 0.05))
+    spin = rng.uniform(1, 12) * unit_direction(rng)
+    return aloft(rng, body, rng.uniform(3, 8), spin, drag, rng.uniform(0, 0.05))
 
 
 def javelin(rng: np.random.Generator, camera: Camera) -> Scene:
     """Long, thin, thrown; it rolls at up to 20 rad/s, and the air pushes across it."""
     body = Solid.drawn(rng, np.array([rng.uniform(0.4, 1.2), 0.015, 0.015]), rng.uniform(0.3, 1.0))
     spin = np.array([rng.uniform(0, 20), *rng.uniform(-2, 2, 2)])
-    return thrown(rng, body, rng.uniform(5, 15), spin, rng.uniform(0.1, 1) * np.array([0.1, 1, 1]), 0.0)
+    return aloft(rng, body, rng.uniform(5, 15), spin, rng.uniform(0.1, 1) * np.array([0.1, 1, 1]), 0.0)
 
 
 def quadrotor(rng: np.random.Generator, camera: Camera) -> Scene:
@@ -65,11 +65,11 @@ def quadrotor(rng: np.random.Generator, camera: Camera) -> Scene:
 
     def drive(data: Any) -> None:
         now = thrust[np.searchsorted(steps, data.time)]
-        R, (_, w) = data.xmat[BODY].reshape(3, 3), velocity_of(data)
+        R, (_, w) = data.xmat[WATCHED_BODY].reshape(3, 3), velocity_of(data)
         up = np.outer(now, [0.0, 0.0, 1.0])
         twist = np.cross(places - body.center, up).sum(0)
         twist[2] += 0.02 * (now @ [1, -1, 1, -1])
-        data.xfrc_applied[BODY] = np.concatenate([R @ up.sum(0), R @ (twist - held @ (R.T @ w))])
+        data.xfrc_applied[WATCHED_BODY] = np.concatenate([R @ up.sum(0), R @ (twist - held @ (R.T @ w))])
 
     start = flung(rng, rng.uniform(0, 2), rng.uniform(-1, 1, 3))
     return Scene(world(body.inertial + body.sites(rng)), start, drive)
@@ -81,7 +81,7 @@ def satellite(rng: np.random.Generator, camera: Camera) -> Scene:
     The wheel holds 2 to 50 % of the angular momentum; it coasts, or a motor turns it up or down.
     """
     body = Solid.drawn(rng, rng.uniform(0.2, 0.6, 3), rng.uniform(20, 100), off=0.2)
-    axis, spin = direction(rng), rng.uniform(0.5, 3) * direction(rng)
+    axis, spin = unit_direction(rng), rng.uniform(0.5, 3) * unit_direction(rng)
     own = 0.02 * float(np.trace(body.inertia))
     turning = rng.uniform(0.02, 0.5) * np.linalg.norm(body.inertia @ spin) / own
     motor = float(rng.random() < 0.5) * rng.uniform(-0.3, 0.3) * own * turning
@@ -93,7 +93,7 @@ def satellite(rng: np.random.Generator, camera: Camera) -> Scene:
     )
 
     def drive(data: Any) -> None:
-        data.xfrc_applied[BODY] = (size * np.sin(w * data.time + phase)).ravel()
+        data.xfrc_applied[WATCHED_BODY] = (size * np.sin(w * data.time + phase)).ravel()
         data.qfrc_applied[-1] = motor
 
     q, v = flung(rng, rng.uniform(0, 1), spin)
@@ -118,7 +118,7 @@ def shaker(rng: np.random.Generator, camera: Camera) -> Scene:
     phase = rng.uniform(0, 6.28, lines)
 
     def drive(data: Any) -> None:
-        data.xfrc_applied[BODY] = np.sin(w * data.time + phase) @ np.hstack([push, twist])
+        data.xfrc_applied[WATCHED_BODY] = np.sin(w * data.time + phase) @ np.hstack([push, twist])
 
     inside = world(body.inertial + body.sites(rng), joint, of='gravcomp="1"')
     return Scene(inside, (np.zeros(0), np.zeros(0)), drive)

@@ -17,7 +17,7 @@ from forceid.records import Array, Body, Flags, Indices, Motion, Recording
 
 STEP = 2.5e-4  # s: of the simulator at most, and at most an eighth of a sample
 WEIGHT = 9.81  # m/s2, down
-BODY = 1  # of the model: the body that is watched is the first under the world
+WATCHED_BODY = 1  # of the model: the body that is watched is the first under the world
 WHEEL = "wheel"  # joint of a wheel inside the body: the last body, of one moment of inertia about any axis
 
 
@@ -85,7 +85,7 @@ def recorded(scene: Scene, camera: Camera, rng: np.random.Generator) -> Recordin
     reference = marker_places(scene, model, seen, model.qpos0)
     middle = 1 + half + 2 * half * np.arange(camera.samples)
     x = np.stack([marker_places(scene, model, seen, path[k]) for k in middle])
-    truth = wrenches(model, path, middle, half, step, (BODY, *scene.joints))
+    truth = acting_wrenches(model, path, middle, half, step, (WATCHED_BODY, *scene.joints))
     named = {"force": truth[0][:, 0], "moment": truth[0][:, 1]}
     if scene.joints:
         joints = np.stack(truth[1:], 2)  # (time, force and moment, joint, 3)
@@ -95,7 +95,7 @@ def recorded(scene: Scene, camera: Camera, rng: np.random.Generator) -> Recordin
     gravity = np.array([0.0, 0.0, -scene.gravity])
     stated = {"position": camera.noise} if camera.stated else {}
     motion = Motion(time, x, gravity=gravity, noise_std=stated)
-    return Recording(body_of(scene, model, reference), motion, named)
+    return Recording(watched_body(scene, model, reference), motion, named)
 
 
 def moved(scene: Scene, model: Any, steps: int) -> Array:
@@ -124,10 +124,10 @@ def marker_places(scene: Scene, model: Any, seen: Any, q: Array) -> Array:
 
     seen.qpos = q
     mujoco.mj_kinematics(model, seen)
-    return np.array(seen.xpos[BODY + 1 :] if scene.at_vertices else seen.site_xpos)
+    return np.array(seen.xpos[WATCHED_BODY + 1 :] if scene.at_vertices else seen.site_xpos)
 
 
-def wrenches(
+def acting_wrenches(
     model: Any, path: Array, middle: Indices, half: int, step: float, of: tuple[int, ...]
 ) -> list[Array]:
     """Force and moment (time, 2, 3) that act on each body with all that hangs on it, weight excluded.
@@ -176,7 +176,7 @@ def gaps(camera: Camera, markers: int, rng: np.random.Generator) -> Flags:
     return missing
 
 
-def body_of(scene: Scene, model: Any, reference: Array) -> Body:
+def watched_body(scene: Scene, model: Any, reference: Array) -> Body:
     """The body as its user tells it: masses of its markers, or what it is as a whole."""
     import mujoco
 
@@ -186,10 +186,10 @@ def body_of(scene: Scene, model: Any, reference: Array) -> Body:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    center, J = data.subtree_com[BODY], np.zeros((3, 3))
-    for k in range(BODY, model.nbody):
+    center, J = data.subtree_com[WATCHED_BODY], np.zeros((3, 3))
+    for k in range(WATCHED_BODY, model.nbody):
         off, R = data.xipos[k] - center, data.ximat[k].reshape(3, 3)
         J += R @ np.diag(model.body_inertia[k]) @ R.T
         J += model.body_mass[k] * (off @ off * np.eye(3) - np.outer(off, off))
-    mass = float(model.body_subtreemass[BODY])
+    mass = float(model.body_subtreemass[WATCHED_BODY])
     return Body(names, reference, total_mass=mass, mass_center=np.array(center), inertia=0.5 * (J + J.T))

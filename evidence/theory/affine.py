@@ -40,7 +40,7 @@ from forceid.significance import QUANTILE
 
 LAWS, LEVELS = ("neo-Hookean", "St. Venant-Kirchhoff", "springs"), ("rigid", "affine", "modal")
 LEAST, MOST, ENOUGH = 0.35, 1.8, 1.2  # stretch; errors over those of the best level
-FOLDED = 0.15  # det F: a flight that comes so near to a collapse ends there
+NEAR_COLLAPSE = 0.15  # det F: a flight that comes so near to a collapse ends there
 ENTRIES = [f"{f}{arm}" for f in "xyz" for arm in "xyz"]  # force along, arm along
 
 
@@ -63,7 +63,7 @@ class Push:
         )
 
 
-def stress(law: str, lam: float, mu: float, F: Array) -> Array:
+def stressed(law: str, lam: float, mu: float, F: Array) -> Array:
     """First Piola-Kirchhoff stress (3, 3) J."""
     if law == "springs":
         return np.asarray(mu * (F - polar(F)[0]))
@@ -90,11 +90,11 @@ def drawn(seed: int, index: int) -> tuple[Recording, str, tuple[float, float]]:
 
     def rates(t: float, y: Array) -> Array:
         F, inverse = y[6:15].reshape(3, 3), np.linalg.inv(E)
-        K = push.first(t, F) - stress(law, lam, mu, F)
+        K = push.first(t, F) - stressed(law, lam, mu, F)
         return np.concatenate([y[3:6], push.force(t) / mass.sum() + GRAVITY, y[15:], (K @ inverse).ravel()])
 
     def folded(_: float, y: Array) -> float:
-        return float(np.linalg.det(y[6:15].reshape(3, 3)) - FOLDED)
+        return float(np.linalg.det(y[6:15].reshape(3, 3)) - NEAR_COLLAPSE)
 
     folded.terminal = True  # type: ignore[attr-defined]
     F0 = Rotation.random(rng=rng).as_matrix() @ (EYE + rng.uniform(-0.15, 0.15) * np.diag([1, -0.5, -0.5]))
@@ -104,7 +104,7 @@ def drawn(seed: int, index: int) -> tuple[Recording, str, tuple[float, float]]:
     time = np.arange(0, duration, 1 / rate)
     flown = solve_ivp(rates, (0, time[-1]), start, "DOP853", time, rtol=1e-10, atol=1e-11, events=folded)
     time, c, F = flown.t, flown.y[:3].T, flown.y[6:15].T.reshape(-1, 3, 3)
-    N = np.array([(push.first(t, f) - stress(law, lam, mu, f)) @ f.T for t, f in zip(time, F, strict=True)])
+    N = np.array([(push.first(t, f) - stressed(law, lam, mu, f)) @ f.T for t, f in zip(time, F, strict=True)])
     moment = np.stack([N[:, 2, 1] - N[:, 1, 2], N[:, 0, 2] - N[:, 2, 0], N[:, 1, 0] - N[:, 0, 1]], 1)
     x = c[:, None] + np.einsum("tab,nb->tna", F, X) + sigma * rng.standard_normal((len(time), nodes, 3))
     names = tuple(f"n{i}" for i in range(nodes))
@@ -149,7 +149,7 @@ def judged(index: int, seed: int) -> dict[str, Any] | None:
     }  # fmt: skip
 
 
-def row_of(name: str, cases: list[dict[str, Any]]) -> dict[str, Any]:
+def table_row(name: str, cases: list[dict[str, Any]]) -> dict[str, Any]:
     """A line of the table."""
     worse, claim, inside = (np.array([c[k] for c in cases]) for k in ("worse", "claim", "inside"))
 
@@ -200,7 +200,7 @@ def main() -> None:
     given = asked("evidence.theory.affine", __doc__, count=60, seed=0, jobs=1)
     found = each(partial(judged, seed=given.seed), range(given.count), given.jobs)
     cases = [case for case in found if case is not None]
-    rows = [row_of(law, own) for law in LAWS if (own := [c for c in cases if c["law"] == law])]
+    rows = [table_row(law, own) for law in LAWS if (own := [c for c in cases if c["law"] == law])]
     what = (__doc__ or "").split("]\n", 1)[1].strip()
     shown = next(
         r for k in range(given.count) if (r := drawn(given.seed, k)) and r[2][0] > LEAST and r[2][1] < MOST
@@ -216,7 +216,7 @@ def main() -> None:
         f"`{given.command}`",
         what,
         RULE,
-        table([*rows, row_of("all", cases)]),
+        table([*rows, table_row("all", cases)]),
         picture,
     )
 

@@ -64,7 +64,7 @@ class Scene:
         return (self.mass * self.X.T) @ self.X
 
 
-def drawn_scene(
+def thrown_scene(
     rng: np.random.Generator, law: str, strain: float = STRAIN, stiffness: tuple[float, float] = STIFFNESS
 ) -> Scene:
     size = rng.uniform(0.06, 0.2, 3)
@@ -98,7 +98,7 @@ def stress(law: str, constants: Array, F: Array, V: Array) -> Array:
     return elastic + eta * F @ (F.mT @ V + V.mT @ F)
 
 
-def drawn_push(rng: np.random.Generator, size: float, order: int, rate: float) -> CubicSpline:
+def drawn_moments(rng: np.random.Generator, size: float, order: int, rate: float) -> CubicSpline:
     """First moments (3, 3) J over time, drawn from a Matern prior at a millisecond."""
     step = 1e-3
     process = matern(order, size, rate)
@@ -129,7 +129,7 @@ def least_stretch(F: Array) -> float:
     return float(np.linalg.svd(F, compute_uv=False).min()) if np.linalg.det(F).min() > 0 else 0.0
 
 
-def filmed(scene: Scene, time: Array, F: Array, rng: np.random.Generator) -> Recording:
+def filmed_flight(scene: Scene, time: Array, F: Array, rng: np.random.Generator) -> Recording:
     center = np.outer(time, rng.standard_normal(3)) + 0.5 * np.outer(time**2, GRAVITY)
     x = center[:, None] + np.einsum("tab,nb->tna", F, scene.X)
     x += SIGMA * rng.standard_normal(x.shape)
@@ -141,14 +141,14 @@ def identified(seed: tuple[int, ...], law: str, strain: float, pushed: bool) -> 
     rng, time = np.random.default_rng(seed), np.arange(int(DURATION * RATE)) / RATE
     least = 0.0
     while least < FOLDED:  # a soft body that spins fast may fold
-        scene, push = drawn_scene(rng, law, strain), None
+        scene, push = thrown_scene(rng, law, strain), None
         if pushed:
             size = 10 ** rng.uniform(-5, -1) * scene.constants[1]
             N, phase = size * rng.standard_normal((3, 3)), rng.uniform(0, 6, (3, 3))
             push = lambda t, N=N, phase=phase: N * np.sin(3 * np.pi * t + phase)  # noqa: E731
         F, _ = flown(scene, time, push)
         least = least_stretch(F)
-    recording = filmed(scene, time, F, rng)
+    recording = filmed_flight(scene, time, F, rng)
     began = process_time()
     found = identify_recording(recording, load_settings())
     off, half = found.value - scene.constants, QUANTILE * np.sqrt(np.diag(found.cov))
@@ -184,14 +184,14 @@ def applied_case(seed: tuple[int, ...], stiffness: tuple[float, float]) -> dict[
     rng, time = np.random.default_rng(seed), np.arange(int(DURATION * RATE)) / RATE
     least = 0.0
     while least < FOLDED:  # a soft body that spins fast may fold
-        scene = drawn_scene(rng, (SVK, NEO)[seed[-1] % 2], STRAIN, stiffness)
+        scene = thrown_scene(rng, (SVK, NEO)[seed[-1] % 2], STRAIN, stiffness)
         (lam, mu, eta), rate = scene.constants, rng.uniform(6, 25)
         size = mu * 10 ** rng.uniform(-2, -1)
-        push = drawn_push(rng, size, 2, rate)
+        push = drawn_moments(rng, size, 2, rate)
         F, V = flown(scene, time, push)
         least = least_stretch(F)
     own = {"lam": lam, "mu": mu} if scene.law == SVK else {"a": mu / 2, "c": lam / 4}
-    recording = filmed(scene, time, F, rng)
+    recording = filmed_flight(scene, time, F, rng)
     body = replace(recording.body, material={"name": scene.law, **own, "damping": eta})
     recording = replace(recording, body=body)
     applied = push(time) @ F.mT

@@ -35,12 +35,12 @@ from forceid.estimation.run import estimate_recording
 from forceid.records import Array, deviation
 
 NOISE = ((2e-4, 500.0), (1e-4, 1000.0), (1e-3, 250.0))  # m, Hz
-CASES = tuple((*noise, markers) for noise in NOISE for markers in (40, 8))
+NOISE_AND_MARKERS = tuple((*noise, markers) for noise in NOISE for markers in (40, 8))
 ABOVE = 1.3  # error over claim that counts as above it
 CLAIMED = (*LOADS, "modal", "loads")
 
 
-def score(seed: int, case: tuple[float, float, int]) -> dict[str, Any]:
+def record_score(seed: int, case: tuple[float, float, int]) -> dict[str, Any]:
     """One record: error over claim of forces on modes and of loads, and their sizes."""
     recording, truth, pattern = flown(seed, case[0], case[1], case[2])
     loads = [
@@ -67,9 +67,9 @@ def score(seed: int, case: tuple[float, float, int]) -> dict[str, Any]:
     return row | {"silent": silently_wrong(found.verdict.level, judged, ratios["beside"])}
 
 
-def line(case: tuple[float, float, int], seeds: range, jobs: int) -> dict[str, str]:
+def case_line(case: tuple[float, float, int], seeds: range, jobs: int) -> dict[str, str]:
     """A line of the table."""
-    rows = list(each(partial(score, case=case), seeds, jobs))
+    rows = list(each(partial(record_score, case=case), seeds, jobs))
     said: dict[str, str] = {
         "noise (mm), rate (Hz), markers": f"{1e3 * case[0]:.1f}, {case[1]:.0f}, {case[2]}",
         "modes told": f"{np.median([r['modes'] for r in rows if r['modes']] or [0]):.0f}",
@@ -92,7 +92,7 @@ def main() -> None:
     """Draw, estimate, and write the page."""
     given = asked("evidence.theory.modal_force", __doc__, count=20, seed=0, jobs=2)
     seeds = range(given.seed, given.seed + given.count)
-    rows = [line(case, seeds, given.jobs) for case in CASES]
+    rows = [case_line(case, seeds, given.jobs) for case in NOISE_AND_MARKERS]
     what, title = (__doc__ or "").split("]", 3)[3].strip(), "Forces on modes"
     paged(given.output, "modal_force", title, f"`{given.command}`", what, RULE, table(rows))
 

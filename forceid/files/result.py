@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -47,6 +47,7 @@ from forceid.records import (
     Loads,
     ModalForces,
     Recording,
+    Variable,
     Verdict,
     Witness,
 )
@@ -79,14 +80,14 @@ def read_result(path: str | Path) -> Estimate:
         for (part, table), record in zip(PARTS.items(), (HiddenLoad, ModalForces, Impulses), strict=True):
             found, _ = read_variables(group, table, dict(_SIZES), where)
             parts[part] = record(*found.values()) if len(found) == len(table) else None
-        for name in (*ESTIMATE, *ESTIMATE_ATTRS, "verdict", "reasons"):
-            if name not in values and name not in group.attrs and name not in _OPTIONAL:
-                raise DataError("is missing, expected in a result file", f"{where}/{name}", "estimate again")
+        needed = (*ESTIMATE, *ESTIMATE_ATTRS, "verdict", "reasons")
+        check_whole({*values, *group.attrs, *_OPTIONAL}, needed, where)
         node = labels(group, "node")
-        further = {
-            name: holds(f, name, f"{path}:") for name in ("interface", "witness", "flown", "feet", "aero")
-        }
         n = len(values["time"])
+        parts |= {
+            name: read(f, n, path) if holds(f, found, f"{path}:") else None
+            for name, (found, read) in READERS.items()
+        }
         empty = {
             "deformation": np.zeros((n, len(node), 3)),
             "mean_shape": np.zeros((len(node), 3)),
@@ -108,14 +109,6 @@ def read_result(path: str | Path) -> Estimate:
             **stated,
             node=node,
             verdict=read_verdict(group.attrs),
-            loads=read_loads(source_group(f, "load", LOAD, f"{path}:"), n, path)
-            if holds(f, "load", f"{path}:")
-            else None,
-            interface=read_interface(f, n, path) if further["interface"] else None,
-            witness=read_witness(f, n, path) if further["witness"] else None,
-            flown=read_flown(f, n, path) if further["flown"] else None,
-            feet=read_feet(f, n, path) if further["feet"] else None,
-            aero=read_aero(f, n, path) if further["aero"] else None,
             model_choice=text(group.attrs.get("model_choice", "")),
             settings=text(f.attrs.get("config", "")),
             input_sha256=text(f.attrs.get("input_sha256", "")),
@@ -164,79 +157,80 @@ def read_version(path: str | Path) -> str:
         return text(f.attrs.get("forceid_version", ""))
 
 
-def read_loads(group: Stored, samples: int, path: str | Path) -> Loads:
+def read_part(
+    file: Any, name: str, table: Mapping[str, Variable], samples: int, path: str | Path, dim: str = ""
+) -> tuple[Stored, dict[str, Any], tuple[str, ...]]:
+    """A group beside /estimate, its variables, and the names along its dimension `dim`, if it has one."""
+    group = source_group(file, name, (*table, *filter(None, [dim])), f"{path}:")
+    names = labels(group, dim)
+    sizes = {**_SIZES, "time": samples, "pose": 6, "coefficient": 6} | ({dim: len(names)} if dim else {})
+    return group, read_variables(group, table, sizes, f"{path}:/{name}")[0], names
+
+
+def check_whole(found: Collection[str], needed: Iterable[str], where: str) -> None:
+    """A DataError where one of the names that are needed is not found."""
+    for name in needed:
+        if name not in found:
+            raise DataError("is missing, expected in a result file", f"{where}/{name}", "estimate again")
+
+
+def read_loads(file: Any, samples: int, path: str | Path) -> Loads:
     """The group /load of a result file."""
-    names = labels(group, "load_name")
-    n = len(names)
-    values, _ = read_variables(group, LOAD, {"time": samples, "load_name": n}, f"{path}:/load")
-    empty = {"null_space": np.zeros((n, 0)), "estimable": np.zeros((0, n))}
+    group, values, names = read_part(file, "load", LOAD, samples, path, "load_name")
+    empty = {"null_space": np.zeros((len(names), 0)), "estimable": np.zeros((0, len(names)))}
     dof = int(real_attr(group.attrs["dof"], f"{path}:/load", "dof"))
     return Loads(name=names, dof=dof, **(empty | values))
 
 
 def read_witness(file: Any, samples: int, path: str | Path) -> Witness:
     """The group /witness of a result file."""
-    where = f"{path}:/witness"
-    group = source_group(file, "witness", WITNESS, f"{path}:")
-    values, _ = read_variables(group, WITNESS, {"time": samples, "axis": 3}, where)
-    for name in (*WITNESS, *WITNESS_ATTRS):
-        if name not in values and name not in group.attrs:
-            raise DataError("is missing, expected in a result file", f"{where}/{name}", "estimate again")
-    numbers = {name: np.asarray(group.attrs[name], float) for name in WITNESS_ATTRS}
-    return Witness(**values, **numbers)
+    group, values, _ = read_part(file, "witness", WITNESS, samples, path)
+    check_whole({*values, *group.attrs}, (*WITNESS, *WITNESS_ATTRS), f"{path}:/witness")
+    return Witness(**values, **{name: np.asarray(group.attrs[name], float) for name in WITNESS_ATTRS})
 
 
 def read_flown(file: Any, samples: int, path: str | Path) -> Flown:
     """The group /flown of a result file."""
-    group = source_group(file, "flown", FLOWN, f"{path}:")
-    sizes = {"time": samples, "axis": 3, "quaternion": 4, "pose": 6}
-    values, _ = read_variables(group, FLOWN, sizes, f"{path}:/flown")
-    needed = {name: spec for name, spec in FLOWN.items() if name not in ("wind", "current_mass")}
-    return Flown(**whole_group(values, needed, f"{path}:/flown"))
+    _, values, _ = read_part(file, "flown", FLOWN, samples, path)
+    check_whole(values, (name for name in FLOWN if name not in ("wind", "current_mass")), f"{path}:/flown")
+    return Flown(**values)
 
 
 def read_feet(file: Any, samples: int, path: str | Path) -> Feet:
     """The group /feet of a result file."""
-    group = source_group(file, "feet", FEET, f"{path}:")
-    values, _ = read_variables(group, FEET, {"time": samples, "axis": 3}, f"{path}:/feet")
-    return Feet(name=labels(group, "foot"), **whole_group(values, FEET, f"{path}:/feet"))
+    _, values, names = read_part(file, "feet", FEET, samples, path, "foot")
+    check_whole(values, FEET, f"{path}:/feet")
+    return Feet(name=names, **values)
 
 
 def read_aero(file: Any, samples: int, path: str | Path) -> Aero:
     """The group /aero of a result file."""
-    group = source_group(file, "aero", AERO, f"{path}:")
-    values, _ = read_variables(group, AERO, {"time": samples, "axis": 3, "coefficient": 6}, f"{path}:/aero")
-    values = whole_group(values, AERO, f"{path}:/aero")
+    group, values, _ = read_part(file, "aero", AERO, samples, path)
+    check_whole(values, AERO, f"{path}:/aero")
     names = tuple(AERO_QUANTITIES)
     value, std = (np.stack([values.pop(name + end) for name in names], 1) for end in ("", "_std"))
-    rest: dict[str, Any] = {**values, "counts": text(group.attrs.get("std_counts", ""))}
-    return Aero(names, value, std, **rest)
-
-
-def whole_group(values: dict[str, Array], table: Mapping[str, Any], where: str) -> dict[str, Array]:
-    """The values where none of the table is missing, else a DataError."""
-    for name in table:
-        if name not in values:
-            raise DataError("is missing, expected in a result file", f"{where}/{name}", "estimate again")
-    return values
+    return Aero(names, value, std, **values, counts=text(group.attrs.get("std_counts", "")))
 
 
 def read_interface(file: Any, samples: int, path: str | Path) -> Interface:
     """The group /interface of a result file."""
-    where = f"{path}:/interface"
-    group = source_group(file, "interface", (*INTERFACE, "joint"), f"{path}:")
-    names = labels(group, "joint")
-    sizes = {"time": samples, "joint": len(names), "axis": 3, "wrench": 6}
-    values, _ = read_variables(group, INTERFACE, sizes, where)
+    group, values, names = read_part(file, "interface", INTERFACE, samples, path, "joint")
     kept = {k: v for k, v in values.items() if k not in (*_DERIVED, "determined")}
     return Interface(
         name=names,
         parts=tuple((a, b) for a, b in (p.split("\t") for p in text(group.attrs["joint_parts"]).split("\n"))),
         determined=values["determined"] > 0.5,
-        dof=int(real_attr(group.attrs["dof"], where, "dof")),
+        dof=int(real_attr(group.attrs["dof"], f"{path}:/interface", "dof")),
         verdict=read_verdict(group.attrs),
         **({"null_space": np.zeros((len(names), 6, 0))} | kept),
     )
+
+
+READERS = {  # by fields of an estimate: the group of the file, and what reads it
+    "loads": ("load", read_loads), "interface": ("interface", read_interface),
+    "witness": ("witness", read_witness), "flown": ("flown", read_flown), "feet": ("feet", read_feet),
+    "aero": ("aero", read_aero),
+}  # fmt: skip
 
 
 def read_verdict(attrs: Mapping[str, Any]) -> Verdict:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from evidence.drawn.aircraft import ball, frisbee, glider
+from evidence.drawn.records.aircraft import frisbee, glider, thrown_ball
 from forceid.aero.choosing import choose
 from forceid.aero.courses import course_of
 from forceid.aero.fitted import fit_flights
@@ -34,7 +34,7 @@ def flown(drawn, **more):
 @pytest.fixture(scope="module")
 def thrown():
     """A ball, and its estimate."""
-    drawn = ball(np.random.default_rng(11))
+    drawn = thrown_ball(np.random.default_rng(11))
     return drawn, flown(drawn)
 
 
@@ -55,7 +55,7 @@ def test_terms_stay_that_are_to_be_kept_or_where_none_are_chosen(thrown):
 
 @pytest.mark.long
 def test_flights_are_fitted_together_and_told_apart_where_they_differ():
-    throws = [ball(np.random.default_rng(k)) for k in (1, 2, 3)]  # with coefficients of their own each
+    throws = [thrown_ball(np.random.default_rng(k)) for k in (1, 2, 3)]  # with coefficients of their own each
     aero = throws[0].aero
     terms = LawSetting(law={"drag": ("1",), "lift": ("spin",)}, choose=False, aero=aero)
     law = fit_flights([(str(k), flown(t)) for k, t in enumerate(throws)], terms, "law")
@@ -160,7 +160,7 @@ def test_bands_hold_every_line_once_and_lines_are_orthonormal():
 
 @pytest.mark.long
 def test_the_command_writes_a_model_and_flies_it_again(tmp_path, capsys):
-    drawn = ball(np.random.default_rng(12))
+    drawn = thrown_ball(np.random.default_rng(12))
     motion, result, config = (tmp_path / n for n in ("ball.h5", "ball.result.h5", "aero.toml"))
     write_motion(motion, drawn.recording)
     air = drawn.aero

@@ -35,7 +35,7 @@ def test_a_clock_that_no_recording_has_is_refused_at_once(folder, kind):
 
 
 @pytest.mark.parametrize(
-    "kind", [kind for kind in contradictions.MOTIONS if kind.base == "both"], ids=lambda kind: kind.name
+    "kind", [kind for kind in contradictions.OF_MOTIONS if kind.base == "both"], ids=lambda kind: kind.name
 )
 def test_a_pose_that_the_markers_deny_is_said(folder, kind):
     path = bodies.write(folder / "c.h5", kind.base, kind.edit)
@@ -51,14 +51,14 @@ def test_a_pose_that_the_markers_confirm_is_said_to_be_left_out(folder):
 
 @pytest.mark.long
 def test_a_flight_by_other_units_and_scales_has_the_same_result_or_is_refused(folder):
-    found = list(units.alike(folder))
+    found = list(units.flights_compared(folder))
     assert [(base, name, faults) for base, name, _, faults in found if faults] == []
     assert sum(end.code == 0 for _, _, end, _ in found) >= 20
 
 
 @pytest.mark.long
 def test_hostile_motion_files_end_as_the_contract_says(folder):
-    assert [(n, kind, faults) for n, kind, _, faults in files.attacked(folder, 1, 0, 12) if faults] == []
+    assert [(n, kind, faults) for n, kind, _, faults in files.each_file(folder, 1, 0, 12) if faults] == []
 
 
 @pytest.mark.long
@@ -79,7 +79,7 @@ def test_no_output_takes_the_place_of_what_was_there(folder):
     "name", ["output in ascii", "name escapes", "output device full", "COLUMNS 1000000000"]
 )
 def test_odd_surroundings_cost_no_result(folder, name):
-    (odd,) = [one for one in surroundings.ODD if one.name == name]
+    (odd,) = [one for one in surroundings.ODD_SURROUNDINGS if one.name == name]
     surroundings.furnish(folder)
     end = surroundings.surrounded(odd, surroundings.COMMANDS["estimate"], folder)
     assert end.faults() == []

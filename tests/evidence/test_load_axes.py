@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from evidence.drawn.load_axes import KINDS, draw_record
+from evidence.drawn.load_axes import KINDS, draw_flight
 from evidence.vectors import GRAVITY
 from forceid.motion import fit_rotation
 
@@ -12,7 +12,7 @@ from forceid.motion import fit_rotation
 @pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_mass_center_moves_as_the_force_says(kind):
-    record = draw_record(KINDS[kind], np.random.default_rng([3, list(KINDS).index(kind)])).recording
+    record = draw_flight(KINDS[kind], np.random.default_rng([3, list(KINDS).index(kind)])).recording
     body, time, truth = record.body, record.motion.time, record.truth
     X = body.position - body.mass_center
     center, _ = fit_rotation(record.motion.position, X, np.ones(len(X)))

@@ -8,7 +8,7 @@ import pytest
 from evidence.strangers.bodies import Solid, flung, world
 from evidence.strangers.outcome import StrangerOutcome, counted
 from evidence.strangers.rigid import satellite
-from evidence.strangers.simulated import BODY, Camera, Scene, recorded
+from evidence.strangers.simulated import WATCHED_BODY, Camera, Scene, recorded
 
 CAMERA = Camera(rate=200.0, samples=60, noise=0.0, stated=False, lost=0.0)
 PUSH, TWIST = np.array([1.0, -2.0, 0.5]), np.array([0.01, 0.02, -0.03])
@@ -24,7 +24,7 @@ def test_the_truth_is_what_acted_without_the_weight(rng):
     body = Solid.drawn(rng, np.array([0.1, 0.15, 0.2]), 1.3)
 
     def drive(data):
-        data.xfrc_applied[BODY] = np.concatenate([PUSH, TWIST])
+        data.xfrc_applied[WATCHED_BODY] = np.concatenate([PUSH, TWIST])
 
     start = flung(rng, 3.0, np.array([2.0, -4.0, 3.0]))
     made = recorded(Scene(world(body.inertial + body.sites(rng, face=0.0)), start, drive), CAMERA, rng)

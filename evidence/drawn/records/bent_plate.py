@@ -18,7 +18,7 @@ TIGHT = 1e-9  # m, rad and their rates: error of a step of the integration
 
 
 @dataclass(frozen=True)
-class Push:
+class PlatePush:
     """Loads p = sum of sines on nodes: pattern (load, node, 3) N, body axes; size, rate rad/s, phase (load,
     sine)."""
 
@@ -62,7 +62,7 @@ def flown(seed: int, sigma: float, rate: float, markers: int) -> tuple[Recording
     return Recording(body, motion, truth), loads, push.pattern
 
 
-def drawn_push(rng: np.random.Generator, X: Array) -> Push:
+def drawn_push(rng: np.random.Generator, X: Array) -> PlatePush:
     """Loads of 2 to 40 Hz across the plate: one in its middle, one spread over its corners, and a twist."""
     upper = np.flatnonzero(X[:, 2] > 0)
     out = X[upper][:, :2] / np.abs(X[upper][:, :2]).max(0)
@@ -71,11 +71,11 @@ def drawn_push(rng: np.random.Generator, X: Array) -> Push:
     pattern = np.zeros((3, len(X), 3))
     pattern[0, inner, 2], pattern[1, corners, 2], pattern[2, corners, 2] = 0.25, 0.25, [0.1, -0.1, -0.1, 0.1]
     rate = 2 * np.pi * np.exp(rng.uniform(np.log(2.0), np.log(40.0), (3, 2)))
-    return Push(pattern, rng.uniform(15.0, 40.0, (3, 2)), rate, rng.uniform(0, 2 * np.pi, (3, 2)))
+    return PlatePush(pattern, rng.uniform(15.0, 40.0, (3, 2)), rate, rng.uniform(0, 2 * np.pi, (3, 2)))
 
 
 def fly(
-    X: Array, mass: Array, w2: Array, Phi: Array, push: Push, time: Array, spin: Array
+    X: Array, mass: Array, w2: Array, Phi: Array, push: PlatePush, time: Array, spin: Array
 ) -> tuple[Array, Array, Array]:
     """Center (time, 3), rotation (time, 3, 3) and amplitudes (time, mode), by the principle of virtual power.
 

@@ -179,7 +179,7 @@ def draw_body(seed: int) -> DrawnBody:
     recording = Recording(body, motion, {"force": force, "moment": moment}, f"drawn body {seed}")
     least = 1e-10 * max(float(np.trace(J)), total * size**2)
     axes = int((np.linalg.eigvalsh(J) > least).sum())
-    enough = shown(np.isfinite(x).all(2)) >= ENOUGH and not bare
+    enough = whole_frames(np.isfinite(x).all(2)) >= ENOUGH and not bare
     dim = rank(seen_nodes)
     told_by = told + (", bends" if bends else "") + (", no inertia" if bare else "")
     kind = f"{kind}, {told_by}, {len(seen_nodes)} markers on {on}, {frames} frames"
@@ -199,7 +199,7 @@ def shows_moment(marked: Array, dim: int, axes: int, about: Array) -> bool:
     return rank(np.vstack([lines, -lines])) == 1
 
 
-def shown(seen: Flags) -> int:
+def whole_frames(seen: Flags) -> int:
     """Frames that show every marker ever seen."""
     return int(seen[:, seen.any(0)].all(1).sum())
 

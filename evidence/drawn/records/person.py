@@ -33,7 +33,7 @@ TABLE = {  # segment: what it hangs on and where (parts of its length), part of 
     "right shank": ("right thigh", 1.0, 0.0465, 0.433, 0.302),
     "right foot": ("right shank", 1.0, 0.0145, 0.5, 0.30),
 }  # fmt: skip
-LENGTH = {
+SEGMENT_LENGTH = {
     "pelvis": 0.15,
     "trunk": 0.5,
     "arm": 0.3,
@@ -80,7 +80,7 @@ def person(seed: int, task: str, seconds: float = 5.0, skin: Skin | None = None)
     rng, skin = np.random.default_rng(seed), Skin() if skin is None else skin
     fine = np.arange(int(seconds * RATE) * FINER) / (RATE * FINER)
     root, angles = moved(rng, task, fine)
-    length = {name: LENGTH[name.split()[-1]] * rng.uniform(0.9, 1.1) for name in TABLE}
+    length = {name: SEGMENT_LENGTH[name.split()[-1]] * rng.uniform(0.9, 1.1) for name in TABLE}
     start, axes = {"": root}, {}
     for name, (on, at, *_) in TABLE.items():
         side = 1.0 if name.startswith("left") else -1.0 if name.startswith("right") else 0.0
@@ -144,7 +144,7 @@ def person(seed: int, task: str, seconds: float = 5.0, skin: Skin | None = None)
             lumps.append(0.5 * part * MASS)
     for on, name in joints:
         where.append(shape[near.get(name, far[on])] + JOINT_OFF * rng.standard_normal(3))
-    noisy = seen + QUIET[task] * carried(rng, skin, fine[at], root, np.array(owner), meets)
+    noisy = seen + QUIET[task] * carried_errors(rng, skin, fine[at], root, np.array(owner), meets)
     if skin.cut:
         noisy = sosfiltfilt(butter(2, skin.cut / 0.802, fs=RATE, output="sos"), noisy, axis=0)
     position = np.einsum("nm,tma->tna", weight, noisy)
@@ -238,7 +238,7 @@ def moved(rng: np.random.Generator, task: str, t: Array) -> tuple[Array, dict[st
     return root, angles
 
 
-def carried(
+def carried_errors(
     rng: np.random.Generator,
     skin: Skin,
     time: Array,

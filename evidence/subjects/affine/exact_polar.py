@@ -13,14 +13,14 @@ import numpy as np
 
 from forceid.records import Array
 
-DIGITS = 80
+DECIMAL_DIGITS = 80
 NEXT = (1, 2, 0)
 
 
 def exact_polar(F: Array, dF: Array) -> tuple[Array, Array]:
     """Rotation L (frame, 3, 3) and omega (frame, 3) of F and dF (frame, 3, 3) as they are given."""
     with localcontext() as context:
-        context.prec = DIGITS
+        context.prec = DECIMAL_DIGITS
         found = [decimal_polar(decimals(f), decimals(df)) for f, df in zip(F, dF, strict=True)]
     return np.array([L for L, _ in found]), np.array([w for _, w in found])
 
@@ -33,7 +33,7 @@ def decimal_polar(F: Any, dF: Any) -> tuple[Array, Array]:
         g = (abs_sum(Y) / abs_sum(X)).sqrt()
         g = Decimal(1) if abs(g - 1) < Decimal("0.01") else g
         last, X = X, (g * X + Y / g) / 2
-        if abs_sum(X - last) < Decimal(10) ** (8 - DIGITS):
+        if abs_sum(X - last) < Decimal(10) ** (8 - DECIMAL_DIGITS):
             break
     U, A = X.T @ F, X.T @ dF
     skew = A - A.T

@@ -25,7 +25,7 @@ from evidence.vectors import EYE, hat
 from forceid.records import Array
 
 FACTORS = (1e-13, 1e-6)  # relative: of factors, and of rates, which rounding of F and F' may swamp
-REDUCED = (1e-10, 1e-10)
+REDUCED_TOLERANCES = (1e-10, 1e-10)
 FRAMES = 12  # of a seed, of factors
 PATH = 97  # frames past a meeting
 TIGHTEST = 3e-14  # relative, of DOP853
@@ -114,7 +114,7 @@ def on_springs(F: Array, V: Array, time: Array) -> AffineProblem:
     back = Throw(E, (k,), F, -V, np.array([0.0, -time[0]]))
     F0, V0 = (x[-1] for x in sprung(back))
     throw = Throw(E, (k,), F0, -V0, time - time[0])
-    return AffineProblem(throw, *sprung(throw), REDUCED)
+    return AffineProblem(throw, *sprung(throw), REDUCED_TOLERANCES)
 
 
 @failure("affine", "Collapse", "shortest axis at the end", (0.5, 0.1, 1e-2, 1e-4, 1e-6, 1e-9, -1e-3, -0.3))
@@ -127,12 +127,12 @@ def collapse(level: float, rng: np.random.Generator) -> AffineProblem:
     throw = Throw(
         BALL, (BALL[0, 0],), turn[0] @ turn[1], turn[0] @ V @ turn[1], np.linspace(0, end, 21), 0.01
     )
-    return AffineProblem(throw, *sprung(throw), REDUCED)
+    return AffineProblem(throw, *sprung(throw), REDUCED_TOLERANCES)
 
 
 def elastic(throw: Throw, tolerance: float = 1e-12) -> AffineProblem:
     """The truth of an elastic body."""
-    return AffineProblem(throw, *followed(throw, tolerance), REDUCED)
+    return AffineProblem(throw, *followed(throw, tolerance), REDUCED_TOLERANCES)
 
 
 @failure(
@@ -187,4 +187,4 @@ def alike_moments(level: float, rng: np.random.Generator) -> AffineProblem:
     y = solve_ivp(rates, (0, time[-1]), y0, "DOP853", time, rtol=TIGHTEST, atol=1e-15).y.T
     L = turn @ y[:, :9].reshape(-1, 3, 3) @ turn.T
     tensor = (turn * J) @ turn.T
-    return AffineProblem((tensor, turn @ w0, time), L, y[:, 9:] @ turn.T, REDUCED)
+    return AffineProblem((tensor, turn @ w0, time), L, y[:, 9:] @ turn.T, REDUCED_TOLERANCES)

@@ -17,7 +17,7 @@ NOISE = 3e-4  # m
 RATE, FRAMES = 200.0, 100
 CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * SIZE
 SPREAD = CORNERS[[0, 3, 5, 6, 1, 2, 4, 7]]  # the first four span a tetrahedron
-BENT = np.array([0.5, -0.8, 0.33])  # direction of what is not affine
+BENDING = np.array([0.5, -0.8, 0.33])  # direction of what is not affine
 BEND = 2 * np.pi * 2.0  # rad/s, of that
 MASS = 0.5  # kg
 
@@ -43,7 +43,7 @@ def filmed(
     pull = MASS / len(X) * (flight.fall[:, None] + np.einsum("tab,nb->tna", flight.ddF, X))
     if bent:
         swing = bent * SIZE[0] * np.cos(BEND * flight.time + 0.7)
-        across = np.einsum("t,n,b->tnb", swing, 4 * place[:, 0] * place[:, 1] / (SIZE[0] * SIZE[1]), BENT)
+        across = np.einsum("t,n,b->tnb", swing, 4 * place[:, 0] * place[:, 1] / (SIZE[0] * SIZE[1]), BENDING)
         x, pull = x + across, pull - MASS / len(X) * BEND**2 * across
     arm = x - x.mean(1, keepdims=True)
     force, first = pull.sum(1) - MASS * GRAVITY, np.einsum("tna,tnb->tab", pull, arm).reshape(-1, 9)

@@ -56,7 +56,7 @@ def halved(body: Body, throw: Throw, method: str) -> Answer:
     coarse, fine = (body.simulate(throw.F0, throw.dF0, throw.time, method, step / n) for n in (1, 2))
     if not np.isfinite(coarse.F[1:]).any():
         return Answer((coarse.F, coarse.dF), None, "refused", (str(coarse.event),))
-    return ended(coarse, (change_by_half_step(coarse.F, fine.F), change_by_half_step(coarse.dF, fine.dF)))
+    return answered(coarse, (change_by_half_step(coarse.F, fine.F), change_by_half_step(coarse.dF, fine.dF)))
 
 
 def change_by_half_step(coarse: Array, fine: Array) -> float:
@@ -66,7 +66,7 @@ def change_by_half_step(coarse: Array, fine: Array) -> float:
     return max(4 / 3 * relative_error(np.where(np.isfinite(coarse), fine, np.nan), coarse), REFERRED)
 
 
-def ended(found: Trajectory, claimed: tuple[float, float] | None = None) -> Answer:
+def answered(found: Trajectory, claimed: tuple[float, float] | None = None) -> Answer:
     """A motion as far as it goes, and why it ends."""
     stopped = found.event is not None and bool(found.event.stopped.any())
     verdict, reasons = ("degraded", (str(found.event),)) if stopped else ("ok", ())
@@ -77,7 +77,7 @@ def referred(problem: AffineProblem) -> Answer:
     """`Body.simulate` by its reference."""
     throw: Throw = problem.given
     body = Body(throw.E, material_of(throw))
-    return ended(body.simulate(throw.F0, throw.dF0, throw.time, "dop853"), (REFERRED, REFERRED))
+    return answered(body.simulate(throw.F0, throw.dF0, throw.time, "dop853"), (REFERRED, REFERRED))
 
 
 def rattled(problem: AffineProblem) -> Answer:
@@ -185,7 +185,7 @@ COLLAPSING = (
     at_once("left-reduced", partial(by_reduced_form, left_reduced)), *PEERS,
 )  # fmt: skip
 STIFF = (*STEPS, at_once("RATTLE", rattled), *PEERS)
-HELD = (
+HELD_PEERS = (
     at_once("RATTLE", partial(stepped, "verlet")),
     at_once("RATTLE, Suzuki 4", partial(stepped, "suzuki_4")), at_once("reference", referred), *PEERS,
 )  # fmt: skip
@@ -195,7 +195,7 @@ CHARTS = (
     at_once("left-reduced", partial(by_reduced_form, left_reduced)), at_once("reference", referred),
     at_once("two-sided, unguarded", two_sided_plain, kind="peer"),
 )  # fmt: skip
-RIGID = (
+RIGID_PEERS = (
     at_once("free_rotation", free_turning),
     at_once("scipy RK45", partial(rigid_integrated, "RK45"), kind="peer"),
     at_once("scipy DOP853", partial(rigid_integrated, "DOP853"), kind="peer"),

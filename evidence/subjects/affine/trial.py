@@ -21,8 +21,8 @@ MEETS = {
     "collapse": affine_movers.COLLAPSING,
     "nearly_incompressible": affine_movers.STIFF,
     "long_step": affine_movers.FREE,
-    "off_volume": affine_movers.HELD,
-    "alike_moments": affine_movers.RIGID,
+    "off_volume": affine_movers.HELD_PEERS,
+    "alike_moments": affine_movers.RIGID_PEERS,
 }
 
 

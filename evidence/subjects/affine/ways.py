@@ -59,7 +59,7 @@ def tolerated(methods: Sequence[str], whole: float = 1.0) -> list[Contestant]:
     """Methods of solve_ivp at relative tolerances, absolute ones a thousandth."""
     return [
         at_once(
-            f"scipy {m} {t:.0e}", partial(integrated, m, t), kind="peer", about=f"solve_ivp {m}, {t:.0e}",
+            f"scipy {m} {t:.0e}", partial(solved_ivp, m, t), kind="peer", about=f"solve_ivp {m}, {t:.0e}",
             line=f"scipy {m}", whole=whole,
         )
         for m in methods
@@ -77,7 +77,7 @@ def simulated(method: str, step: float | None, case: AffineCase) -> Answer:
     return Answer((found.F[:, known], found.dF[:, known]))
 
 
-def integrated(method: str, tolerance: float, case: AffineCase) -> Answer:
+def solved_ivp(method: str, tolerance: float, case: AffineCase) -> Answer:
     """solve_ivp on one body, or on the first of many, one after another."""
     throw: Any = case.given
     if case.starts is None:
@@ -101,7 +101,7 @@ def factored(by: Callable[[Array], Array], case: AffineCase) -> Answer:
     return Answer((L, 0.5 * (U + U.swapaxes(1, 2))))
 
 
-def here(case: AffineCase) -> Answer:
+def own_polar(case: AffineCase) -> Answer:
     """`polar`, which gives both."""
     return Answer(polar(case.given.F))  # type: ignore[union-attr]
 
@@ -131,6 +131,6 @@ PEERS = {
     "numpy eigh of F^T F": (by_roots, "all at once"), "numpy Newton": (by_newton, "scaled, all at once"),
 }  # fmt: skip
 FACTORS = [
-    at_once("polar", here, about="polar, all at once"),
+    at_once("polar", own_polar, about="polar, all at once"),
     *(at_once(name, partial(factored, by), kind="peer", about=about) for name, (by, about) in PEERS.items()),
 ]

@@ -21,7 +21,7 @@ from forceid.kalman.engines import engine
 from forceid.motion import fit_pose
 from forceid.records import Array, Flags
 
-LEAST = 1e-6  # of a load's size, along a direction that it does not have
+LEAST_SIZE = 1e-6  # of a load's size, along a direction that it does not have
 
 
 def bound(
@@ -50,7 +50,7 @@ def bound(
     priors = []
     axes, size, _ = np.linalg.svd(np.eye(3) if mixed is None else mixed)
     loads = (
-        (setup.force_std * np.maximum(size, LEAST), axes, flight.time, fallen, 1 / mass),
+        (setup.force_std * np.maximum(size, LEAST_SIZE), axes, flight.time, fallen, 1 / mass),
         (setup.moment_std * np.ones(3), np.eye(3), turned.time, path, 1.0),
     )
     for std, along, time, z, gain in loads:

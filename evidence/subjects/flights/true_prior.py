@@ -32,11 +32,11 @@ from forceid.flight.tuning import ORDERS
 from forceid.kalman.engines import engine
 from forceid.records import Array
 
-EXACT = 1e-3  # of a load: how well a prior has to follow the truth itself
+GOOD_TO = 1e-3  # of a load: how well a prior has to follow the truth itself
 QUIET = 1e-9  # of the largest axis, or N and N m: a load that is not there
 ENOUGH = 200  # samples of a load show its prior
 PATIENCE = 2.0  # log-likelihood by which a rougher order must be likelier
-NAME = "told the prior"
+AS_TOLD = "told the prior"
 
 
 @dataclass(frozen=True)
@@ -64,11 +64,11 @@ def problem_of(case: Case) -> TruePriorProblem:
     channels = {"force": force_channel(kin, recording.motion.gravity)}
     if kin.attitude:
         channels["moment"] = moment_channel(kin, deformation)
-    priors = {load: prior_of(case, load, channel) for load, channel in channels.items()}
+    priors = {load: true_prior_of(case, load, channel) for load, channel in channels.items()}
     return TruePriorProblem(flight, priors, channels)
 
 
-def prior_of(case: Case, load: str, channel: Channel) -> LoadPrior:
+def true_prior_of(case: Case, load: str, channel: Channel) -> LoadPrior:
     """The prior of a load that is known, with the start that its channel calls for."""
     truth = case.wrench[:, LOADS[load]]
     known = np.isfinite(truth).all(1)
@@ -118,7 +118,7 @@ def likeliest_matern(order: int, z: Array, step: float, span: float) -> tuple[Ar
     def build(theta: Array) -> kalman.StateSpace:
         load = kalman.matern(order, np.exp(theta[0]), np.exp(theta[1]))
         F, Q = kalman.discretize(load, step)
-        R = np.array([[EXACT**2]])
+        R = np.array([[GOOD_TO**2]])
         return kalman.StateSpace(F, Q, load.output[None], R, np.zeros(order), load.P0)
 
     rates = float(np.log(1 / span)), float(np.log(0.5 / step))
@@ -156,4 +156,4 @@ def told_the_prior() -> Contestant:
         return job
 
     about = "smoother under the prior of the true load, from poses on"
-    return Contestant(NAME, prepare, about=about, key=f"Matern {ORDERS} {EXACT} {PATIENCE}", told=True)
+    return Contestant(AS_TOLD, prepare, about=about, key=f"Matern {ORDERS} {GOOD_TO} {PATIENCE}", told=True)

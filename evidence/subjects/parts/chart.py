@@ -15,15 +15,15 @@ from evidence.subjects.affine.problem import relative_error
 from evidence.subjects.parts.cases import GRIDS, PartsCase, manufactured
 from evidence.subjects.parts.solvers import DEFAULT, entrants
 
-QUANTITIES = ("displacement", "interface force")
-RESOLVED = 1e-10  # relative: rounding of the loads alone moves bodies with a jump of 1e4 that much
+JUDGED_BY = ("displacement", "interface force")
+RESOLVES = 1e-10  # relative: rounding of the loads alone moves bodies with a jump of 1e4 that much
 ENOUGH = 1e-6  # relative error at which the fastest are compared
 READING = (
     "The truth is manufactured: a smooth displacement is chosen, its load is K u, and the forces on the "
     "interface are what loads, in equal shares, and stiffness leave of each other in a part. Errors are "
     "lengths over that of the truth: of displacements of all parts, gaps included, and of interface forces. "
     "Peers on the assembled matrix get those as f - K u of each part. Errors below "
-    f"{RESOLVED:.0e} are rounding and count as equal. Time is process CPU time from the matrices "
+    f"{RESOLVES:.0e} are rounding and count as equal. Time is process CPU time from the matrices "
     "to the solution, {}. *Second load* is what of it another load would cost again. The rest is setup. "
     "Iterations stop at their tolerance of the residual as each solver defines it. Those of a "
     "correction are not counted. Forceid tells its own error, and that is timed with it. Sparse factors are "
@@ -36,7 +36,7 @@ def errors(case: PartsCase, answer: Answer) -> dict[str, float]:
     truth = case.L @ case.u, case.lam
     return {
         what: relative_error(got, true)
-        for what, got, true in zip(QUANTITIES, answer.found, truth, strict=True)
+        for what, got, true in zip(JUDGED_BY, answer.found, truth, strict=True)
     }
 
 
@@ -45,7 +45,7 @@ def facts(runs: Sequence[PartsCase], bounds: Sequence[Any]) -> dict[str, Any]:
     case = runs[0]
     return {
         "title": case.title, "parts": len(case.stiffness), "unknowns": len(case.load),
-        "multipliers": len(case.lam), "quantities": list(QUANTITIES), "units": None, "resolved": RESOLVED,
+        "multipliers": len(case.lam), "quantities": list(JUDGED_BY), "units": None, "resolved": RESOLVES,
     }  # fmt: skip
 
 
@@ -62,7 +62,7 @@ def heads(case: Mapping[str, Any]) -> list[str]:
 def cells(case: Mapping[str, Any], row: Mapping[str, Any]) -> list[str]:
     """Errors, each with what is claimed of it, iterations, and what a second load costs."""
     found = []
-    for what, said in zip(QUANTITIES, row["claimed"] or (None, None), strict=True):
+    for what, said in zip(JUDGED_BY, row["claimed"] or (None, None), strict=True):
         found += [f"{row['error'][what]:.1e}", "-" if said is None else f"{said:.1e}"]
     steps = "-" if row["iterations"] is None else str(row["iterations"])
     return [*found, steps, f"{1e3 * row['again']:.3g}", f"{100 * row['setup_share']:.0f} %"]

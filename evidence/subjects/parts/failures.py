@@ -12,10 +12,10 @@ from evidence.subjects.parts.bodies import FINE, Loaded, loaded, plates, smooth_
 from forceid.partition.grids import Parts, gathered
 from forceid.principal.operator import summation_operator
 
-GRID = (4, 2)  # plates along and across
-AT = np.array([(i, j) for i in range(GRID[0]) for j in range(GRID[1])])
+TILES = (4, 2)  # plates along and across
+AT = np.array([(i, j) for i in range(TILES[0]) for j in range(TILES[1])])
 YOUNG = 1000.0  # Pa
-JUMPS = (1.0, 1e2, 1e4, 1e6, 1e8, 1e9, 1e10, 1e12)
+STIFFNESS_JUMPS = (1.0, 1e2, 1e4, 1e6, 1e8, 1e9, 1e10, 1e12)
 
 
 def held_body(parts: Parts, rng: np.random.Generator, **known: object) -> Loaded:
@@ -61,22 +61,22 @@ def many_parts(level: float, rng: np.random.Generator) -> Loaded:
     return held_body(plates((int(level), 1), r=1), rng)
 
 
-@failure("partition", "Stiffness jumps, strips", "", JUMPS)
+@failure("partition", "Stiffness jumps, strips", "", STIFFNESS_JUMPS)
 def jump_of_strips(level: float, rng: np.random.Generator) -> Loaded:
     """Loads of stiff strips are known to rounding, and soft ones have to carry that."""
-    return held_body(plates(GRID, r=2, young=(YOUNG * np.where(AT[:, 0] % 2, level, 1.0)).tolist()), rng)
+    return held_body(plates(TILES, r=2, young=(YOUNG * np.where(AT[:, 0] % 2, level, 1.0)).tolist()), rng)
 
 
-@failure("partition", "Stiffness jumps, checkerboard", "", JUMPS)
+@failure("partition", "Stiffness jumps, checkerboard", "", STIFFNESS_JUMPS)
 def jump_of_checkers(level: float, rng: np.random.Generator) -> Loaded:
     """Stiff fields hang at their corners, and their loads are known to rounding."""
-    return held_body(plates(GRID, r=2, young=(YOUNG * np.where(AT.sum(1) % 2, level, 1.0)).tolist()), rng)
+    return held_body(plates(TILES, r=2, young=(YOUNG * np.where(AT.sum(1) % 2, level, 1.0)).tolist()), rng)
 
 
-@failure("partition", "Stiffness jumps, equal loads", "", JUMPS)
+@failure("partition", "Stiffness jumps, equal loads", "", STIFFNESS_JUMPS)
 def jump_under_load(level: float, rng: np.random.Generator) -> Loaded:
     """Stiff parts hardly strain, and what passes between two of them is lost in their motion."""
-    parts = plates(GRID, r=2, young=(YOUNG * np.where(AT[:, 0] % 2, level, 1.0)).tolist())
+    parts = plates(TILES, r=2, young=(YOUNG * np.where(AT[:, 0] % 2, level, 1.0)).tolist())
     x = parts.place
     inside = x[:, 0] - np.floor(x[:, 0])
     soft = np.floor(x[:, 0]) % 2 == 0
@@ -162,4 +162,4 @@ def loads_that_cancel(level: float, rng: np.random.Generator) -> Loaded:
 @failure("partition", "Loose tolerance", "of the gaps", (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 0.1))
 def loose_tolerance(level: float, rng: np.random.Generator) -> Loaded:
     """Conjugate gradients stop before the gaps are closed."""
-    return replace(held_body(plates(GRID), rng), tolerance=level)
+    return replace(held_body(plates(TILES), rng), tolerance=level)

@@ -57,7 +57,7 @@ def entrants() -> tuple[list[Contestant], list[str]]:
     found = [entrant("direct", "method", direct, "PartitionedSystem.solve, saddle point")]
     for line, preconditioner, weights in VARIANTS:
         about = f"solve_cg, {preconditioner}, weights by {weights}"
-        found += each_tolerance(line, "method", partial(projected, preconditioner, weights), about)
+        found += each_tolerance(line, "method", partial(by_projection, preconditioner, weights), about)
     found += [
         entrant("scipy spsolve", "peer", assembled_direct, "spsolve, assembled"),
         entrant("scipy splu", "peer", symmetric_direct, "splu, symmetric mode, assembled"),
@@ -100,7 +100,7 @@ def direct(case: PartsCase) -> Solve:
     return solve
 
 
-def projected(preconditioner: str, weights: str, tolerance: float, case: PartsCase) -> Solve:
+def by_projection(preconditioner: str, weights: str, tolerance: float, case: PartsCase) -> Solve:
     """Ours, by projected conjugate gradients."""
     system = system_of(case)
 

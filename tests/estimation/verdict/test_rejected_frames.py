@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from evidence.claims.witness import noisy_flight
 from evidence.drawn.records.scored import FORCE, MOMENT, scored
-from evidence.drawn.witness import noisy_flight
 from forceid.config import load_settings
 from forceid.estimation.body.cleaning import Dropped
 from forceid.estimation.run import estimate_recording

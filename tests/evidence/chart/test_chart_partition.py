@@ -14,7 +14,7 @@ from evidence.subject import Answer
 from evidence.subjects.flights.cases import sources
 from evidence.subjects.parts import solvers as parts_solvers
 from evidence.subjects.parts.cases import GRIDS, Grid, manufactured
-from evidence.subjects.parts.chart import PARTS, QUANTITIES, RESOLVED, errors
+from evidence.subjects.parts.chart import JUDGED_BY, PARTS, RESOLVES, errors
 from evidence.subjects.parts.solvers import DEFAULT, entrants
 from forceid.cli.app import main
 from forceid.errors import ConfigError
@@ -68,7 +68,7 @@ def test_every_solver_answers_the_manufactured_body(c):
 def row(name, kind, seconds, error):
     return {
         "name": name, "line": name.rsplit(" 1e", 1)[0], "kind": kind, "about": "", "iterations": 3,
-        "error": dict.fromkeys(QUANTITIES, error), "claimed": None, "verdict": {},
+        "error": dict.fromkeys(JUDGED_BY, error), "claimed": None, "verdict": {},
         "reasons": [], "rounds": 0, "told": False, "part": False, "seconds": seconds,
         "seconds_range": [seconds, seconds],
         "again": seconds / 2, "setup_share": 0.5, "times_default": 1.0, "peak_MB": None,
@@ -78,7 +78,7 @@ def row(name, kind, seconds, error):
 def body_of(*rows):
     return {
         "name": "b", "title": "B", "parts": 4, "unknowns": 9, "multipliers": 8, "rows": list(rows),
-        "quantities": QUANTITIES, "units": None, "resolved": RESOLVED,
+        "quantities": JUDGED_BY, "units": None, "resolved": RESOLVES,
     }  # fmt: skip
 
 
@@ -104,7 +104,7 @@ def test_a_coarser_peer_is_on_the_front_and_not_ahead():
 
 def test_errors_of_rounding_decide_nothing():
     body = body_of(row("a", "method", 1.0, 1e-13), row("b", "peer", 2.0, 1e-16))
-    assert [(p.name, p.error) for p in front(points_of(body, "displacement"))] == [("a", RESOLVED)]
+    assert [(p.name, p.error) for p in front(points_of(body, "displacement"))] == [("a", RESOLVES)]
 
 
 def test_a_line_is_named_once_and_at_its_tightest_tolerance():

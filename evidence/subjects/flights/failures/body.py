@@ -13,7 +13,7 @@ from forceid.records import Array
 from forceid.scenes.springs import connect, spring_stiffness
 
 SHORT = 160  # frames of a body that bends
-MARKED = 5  # of its nodes, where some carry none
+NODES_MARKED = 5  # of its nodes, where some carry none
 
 
 @failure("load", "Impact", "s", (0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 5e-4))
@@ -111,10 +111,10 @@ def rigid_looking_mode(level: float, rng: np.random.Generator) -> Faulty:
 
 def rigid_looking_shape(sine: float) -> Array:
     """A shape (node, 3) in the mass gauge, which on the marked nodes is a turn but for `sine`."""
-    seen = PLACE[:MARKED]
+    seen = PLACE[:NODES_MARKED]
     turn = np.cross([0.3, 0.9, 0.3], seen).ravel()
     rigid = np.concatenate(
-        [np.tile(np.eye(3), (MARKED, 1, 1)), np.cross(np.eye(3)[None], seen[:, None]).swapaxes(1, 2)], 2
+        [np.tile(np.eye(3), (NODES_MARKED, 1, 1)), np.cross(np.eye(3)[None], seen[:, None]).swapaxes(1, 2)], 2
     ).reshape(-1, 6)
     bent = np.sin(seen / 0.05 @ np.array([[1.0, 0.4, -0.7], [0.3, -1.0, 0.6], [0.5, 0.8, 0.9]])).ravel()
     bent -= rigid @ np.linalg.lstsq(rigid, bent, rcond=None)[0]
@@ -124,7 +124,7 @@ def rigid_looking_shape(sine: float) -> Array:
         [np.tile(np.eye(3), (len(PLACE), 1, 1)), np.cross(np.eye(3)[None], PLACE[:, None]).swapaxes(1, 2)], 2
     )
     momentum = (MASS[:, None, None] * arms).reshape(-1, 6).T
-    seen_part, rest = momentum[:, : 3 * MARKED], momentum[:, 3 * MARKED :]
+    seen_part, rest = momentum[:, : 3 * NODES_MARKED], momentum[:, 3 * NODES_MARKED :]
     others = np.linalg.lstsq(rest, -seen_part @ wanted, rcond=None)[0]
     shape = np.concatenate([wanted, others]).reshape(PLACE.shape)
     return in_mass_gauge(shape, [])
@@ -133,7 +133,7 @@ def rigid_looking_shape(sine: float) -> Array:
 def partly_marked(case: Faulty, shapes: Array) -> Faulty:
     """The case with markers on the first nodes only, and the shapes in the file."""
     lost = np.zeros_like(case.seen)
-    lost[:, MARKED:] = True
+    lost[:, NODES_MARKED:] = True
     return unseen(case, lost).with_body(mode_shape=shapes)
 
 
@@ -162,5 +162,5 @@ def stiffness_jump(level: float, rng: np.random.Generator) -> Faulty:
     setup = Setup(frames=SHORT, modes=1, size=1e-3, mode_frequency=frequency)
     case = measured(setup, rng, shapes=shape[None])
     lost = np.zeros_like(case.seen)
-    lost[:, MARKED:] = True
+    lost[:, NODES_MARKED:] = True
     return unseen(case, lost).with_body(stiffness=K)

@@ -8,7 +8,7 @@ from scipy.signal import butter, savgol_filter, sosfiltfilt
 
 from forceid.records import Array
 
-ORDER = 4  # of the polynomial of Savitzky and Golay
+SAVGOL_ORDER = 4  # of the polynomial of Savitzky and Golay
 
 
 def numpy_gradient(z: Array, step: float) -> Array:
@@ -18,9 +18,9 @@ def numpy_gradient(z: Array, step: float) -> Array:
 
 def savgol(z: Array, step: float, cut: float) -> Array:
     """savgol_filter with the window whose 3 dB point is at `cut` Hz. Source: Schafer (2011), equation 12."""
-    half = ((ORDER + 1) / (2 * cut * step) + 4.6) / 3.2
-    window = 2 * int(np.clip(round(half), ORDER // 2 + 1, (len(z) - 1) // 2)) + 1
-    return np.asarray(savgol_filter(z, window, ORDER, deriv=2, delta=step, axis=0))
+    half = ((SAVGOL_ORDER + 1) / (2 * cut * step) + 4.6) / 3.2
+    window = 2 * int(np.clip(round(half), SAVGOL_ORDER // 2 + 1, (len(z) - 1) // 2)) + 1
+    return np.asarray(savgol_filter(z, window, SAVGOL_ORDER, deriv=2, delta=step, axis=0))
 
 
 def butterworth(z: Array, step: float, cut: float) -> Array:

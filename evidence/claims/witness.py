@@ -1,6 +1,6 @@
 """The plain route beside the smoother: what it costs, how often it objects, how near its cut is to the best.
 
-    python -m evidence.drawn.witness [--seeds 20]
+    python -m evidence.claims.witness [--seeds 20]
 
 Rigid flights under drawn loads (`evidence.subjects.flights.bodies`), 60 to 400 Hz, 0.1 to 2 mm, all mass
 known by node or as a whole. The cost is process time of the witness over that of the estimate, in one run
@@ -56,7 +56,7 @@ def over_best_cut(record: Recording, witness: Any) -> list[float]:
 
 def main() -> None:
     """Print what it costs and finds, by method."""
-    seeds = asked("evidence.drawn.witness", __doc__, page=False, seeds=20).seeds
+    seeds = asked("evidence.claims.witness", __doc__, page=False, seeds=20).seeds
     spent: list[float] = []
 
     def timed(*args: Any) -> Any:

@@ -59,7 +59,7 @@ def glider(rng: np.random.Generator) -> Drawn:
         alpha, beta = np.arctan2(-(air @ up), air @ ahead), np.arcsin(-(air @ left) / V)
         p, q, r = omega @ ahead * span / 2 / V, -(omega @ left) * chord / 2 / V, -(omega @ up) * span / 2 / V
         of = {"1": 1.0, "alpha": alpha, "alpha^2": alpha**2, "beta": beta, "p": p, "q": q, "r": r}
-        C = summed(true, of)
+        C = summed_derivatives(true, of)
         v = air / V
         # wind axes: lift is across the air in the plane of symmetry, side across both
         plane = air - (air @ left) * left
@@ -77,7 +77,7 @@ def glider(rng: np.random.Generator) -> Drawn:
                   [-0.45, 0.12, 0.0], [-0.45, -0.12, 0.0]])  # fmt: skip
     aero = AeroSetting(area=area, chord=chord, span=span, density=density, wind=wind)
     start = np.array([0.0, 0.0, 2.0]), fly_at, turn, omega
-    return seen(mass, J, law, start, X, np.arange(200) / 100.0, np.array(wind), aero, true, rng)
+    return seen_flight(mass, J, law, start, X, np.arange(200) / 100.0, np.array(wind), aero, true, rng)
 
 
 def frisbee(rng: np.random.Generator) -> Drawn:
@@ -106,7 +106,7 @@ def frisbee(rng: np.random.Generator) -> Drawn:
         right, V = np.cross(ahead, up), np.sqrt(air @ air)
         alpha = -np.arctan2(air @ up, np.sqrt(along @ along))
         rates = {"roll_rate": omega @ ahead, "pitch_rate": omega @ right, "spin_rate": omega @ up}
-        C = summed(true, {"1": 1.0, "alpha": alpha, "alpha^2": alpha**2, **rates})
+        C = summed_derivatives(true, {"1": 1.0, "alpha": alpha, "alpha^2": alpha**2, **rates})
         qA = 0.5 * density * V * V * area
         lift = np.cross(right, air) / V
         force = qA * (C["lift"] * lift - C["drag"] * air / V)
@@ -121,10 +121,10 @@ def frisbee(rng: np.random.Generator) -> Drawn:
     X = np.vstack([rim, [[0.05, 0.01, 0.02], [-0.02, 0.05, 0.02], [0.01, -0.04, 0.02]]])
     aero = AeroSetting(area=area, chord=D, density=density, wind=wind, axes="disc")
     start = np.array([0.0, 0.0, 1.3]), fly_at + np.array(wind), turn, omega
-    return seen(mass, J, law, start, X, np.arange(120) / 100.0, np.array(wind), aero, true, rng)
+    return seen_flight(mass, J, law, start, X, np.arange(120) / 100.0, np.array(wind), aero, true, rng)
 
 
-def ball(rng: np.random.Generator) -> Drawn:
+def thrown_ball(rng: np.random.Generator) -> Drawn:
     """A baseball, thrown at 30 to 45 m/s and 100 to 200 rad/s, for half a second at 240 Hz."""
     u = rng.uniform
     mass, radius, density = u(0.14, 0.15), u(0.036, 0.038), u(1.0, 1.25)
@@ -144,10 +144,10 @@ def ball(rng: np.random.Generator) -> Drawn:
     spin = np.array([rng.normal(0.0, 0.3), -1.0, rng.normal(0.0, 0.3)]) * u(100.0, 200.0)
     start = np.array([0.0, 0.0, 2.0]), np.array([u(30.0, 45.0), 0.0, 1.0]), Rotation.identity(), spin
     aero = AeroSetting(area=area, span=2 * radius, density=density, axes="ball")
-    return seen(mass, J, law, start, X, np.arange(120) / 240.0, np.zeros(3), aero, true, rng)
+    return seen_flight(mass, J, law, start, X, np.arange(120) / 240.0, np.zeros(3), aero, true, rng)
 
 
-def summed(true: dict[str, float], of: dict[str, float]) -> dict[str, float]:
+def summed_derivatives(true: dict[str, float], of: dict[str, float]) -> dict[str, float]:
     """Coefficients of lift, drag, side, roll, pitch and yaw from derivatives by name."""
     total = dict.fromkeys(("lift", "drag", "side", "roll", "pitch", "yaw"), 0.0)
     for name, value in true.items():
@@ -156,7 +156,7 @@ def summed(true: dict[str, float], of: dict[str, float]) -> dict[str, float]:
     return total
 
 
-def seen(
+def seen_flight(
     mass: float, J: Array, law: Law, start: tuple[Array, Array, Rotation, Array], X: Array, time: Array,
     wind: Array, aero: AeroSetting, true: dict[str, float], rng: np.random.Generator,
 ) -> Drawn:  # fmt: skip

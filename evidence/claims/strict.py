@@ -1,6 +1,6 @@
 """The strict test of the smoother on rotations: flights drawn from the prior, error over the bound claimed.
 
-    python -m evidence.drawn.strict [--draws 24] [--seed 21] [--jobs 2]
+    python -m evidence.claims.strict [--draws 24] [--seed 21] [--jobs 2]
 
 A rigid body of five markers under a force and a moment that are Matern 3/2 processes in world axes, as the
 smoother is told they are. Averaged over the prior no estimator beats the posterior bound, so the ratio is
@@ -34,7 +34,7 @@ RATE, SECONDS, NOISE = 500.0, 0.6, 3e-4  # Hz, s, m
 STD_F, RATE_F = np.array([1.3, 2.3, 0.9]), 20.0  # N, 1/s
 STD_T, RATE_T = np.array([0.12, 0.09, 0.08]), 60.0  # N m, 1/s
 SUBSTEPS = 20  # of the load's path, a sample
-MARKED = [0, 3, 8, 9, 14]
+MARKER_AT = [0, 3, 8, 9, 14]
 BOUND_F, BOUND_T = 0.05536, 0.01127  # N, N m: principal equations 5.7
 
 
@@ -52,7 +52,7 @@ def shape() -> tuple[Any, Any]:
 
 
 MASS, PLACE = shape()
-INERTIA = (MASS @ (PLACE**2).sum(1)) * np.eye(3) - PLACE.T @ (MASS[:, None] * PLACE)
+CLUSTER_INERTIA = (MASS @ (PLACE**2).sum(1)) * np.eye(3) - PLACE.T @ (MASS[:, None] * PLACE)
 
 
 def matern_path(std: Any, rate: float, time: Any, rng: np.random.Generator) -> CubicHermiteSpline:
@@ -67,13 +67,13 @@ def matern_path(std: Any, rate: float, time: Any, rng: np.random.Generator) -> C
     return CubicHermiteSpline(time, x[:, 0] * std, x[:, 1] * std)
 
 
-def drawn_flight(seed: int) -> tuple[Any, Any, Any, Any]:
+def strict_flight(seed: int) -> tuple[Any, Any, Any, Any]:
     """Times, marker tracks with noise (time, marker, 3), and the true force and moment (time, 3)."""
     rng = np.random.default_rng(seed)
     fine = np.arange(int(SECONDS * RATE) * SUBSTEPS + 1) / RATE / SUBSTEPS
     force, moment = matern_path(STD_F, RATE_F, fine, rng), matern_path(STD_T, RATE_T, fine, rng)
     start = Rotation.from_rotvec([np.radians(70), 0, 0]) * Rotation.from_rotvec([0, 0, 0.3])
-    H0, J_inv = start.apply(INERTIA @ [0.5, -0.3, 20 * np.pi]), np.linalg.inv(INERTIA)
+    H0, J_inv = start.apply(CLUSTER_INERTIA @ [0.5, -0.3, 20 * np.pi]), np.linalg.inv(CLUSTER_INERTIA)
 
     def rate(t: float, y: Any) -> Any:
         q = y[9:13]
@@ -86,15 +86,15 @@ def drawn_flight(seed: int) -> tuple[Any, Any, Any, Any]:
     time = fine[::SUBSTEPS]
     y = solve_ivp(rate, (0, time[-1]), y0, "DOP853", time, rtol=1e-10, atol=1e-11, max_step=2 / RATE).y.T
     R = Rotation.from_quat(y[:, 9:13]).as_matrix()
-    x = y[:, None, :3] + np.einsum("tab,nb->tna", R, PLACE[MARKED])
+    x = y[:, None, :3] + np.einsum("tab,nb->tna", R, PLACE[MARKER_AT])
     return time, x + NOISE * rng.standard_normal(x.shape), force(time), moment(time)
 
 
 def one_draw(seed: int) -> RecordScore:
     """One flight, smoothed under the prior that it was drawn from; over its central three quarters."""
-    time, x, F, T = drawn_flight(seed)
-    pose = fit_pose(x, PLACE[MARKED], np.ones(len(MARKED)), NOISE**2 * np.eye(3 * len(MARKED)))
-    still = np.tile(INERTIA, (len(time), 1, 1)), np.zeros((len(time), 3))
+    time, x, F, T = strict_flight(seed)
+    pose = fit_pose(x, PLACE[MARKER_AT], np.ones(len(MARKER_AT)), NOISE**2 * np.eye(3 * len(MARKER_AT)))
+    still = np.tile(CLUSTER_INERTIA, (len(time), 1, 1)), np.zeros((len(time), 3))
     flight = Flight(time, pose.center, pose.rotation, pose.cov, float(MASS.sum()), *still, GRAVITY)
     priors = (
         LoadPrior(Tuned(Matern(2, std, np.full(3, rate))), np.eye(3), Start(1e2, 1e2, 0.0))
@@ -106,7 +106,7 @@ def one_draw(seed: int) -> RecordScore:
 
 def main() -> int:
     """Print the ratios; 1 where one of them is outside of what the strict test allows."""
-    given = asked("evidence.drawn.strict", __doc__, page=False, draws=24, seed=21, jobs=2)
+    given = asked("evidence.claims.strict", __doc__, page=False, draws=24, seed=21, jobs=2)
     draws = list(each(one_draw, [1000 * given.seed + k for k in range(given.draws)], given.jobs))
     passed = True
     for name, unit, of, published in (("F", "N", FORCE, BOUND_F), ("T", "N m", MOMENT, BOUND_T)):

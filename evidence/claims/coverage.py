@@ -1,6 +1,6 @@
 """Do 95 % intervals hold the truth? Every scene, rate, noise and seed, over the central three quarters.
 
-    python -m evidence.drawn.coverage [--seeds 5] [--jobs 2] [--scene NAME ...]
+    python -m evidence.claims.coverage [--seeds 5] [--jobs 2] [--scene NAME ...]
 
 Nothing is told of the truth but the standard deviation of the noise. An error stays alike for about as long
 as the load does, so one record gives few independent intervals: the share over all seeds is what counts.
@@ -31,7 +31,7 @@ from forceid.scenes.recipe import SceneRecipe, fly, load_recipe, measure, sample
 
 SCENES = Path(__file__).parents[2] / "data" / "synthetic"
 RATES = (250.0, 500.0, 1000.0, 2000.0)  # Hz
-NOISES = (1e-4, 3e-4, 1e-3)  # m
+MARKER_NOISES = (1e-4, 3e-4, 1e-3)  # m
 BY = {"scene": [0], "rate (Hz)": [1], "noise (m)": [2], "scene, rate, noise": [0, 1, 2], "all": []}
 
 CoverageJob = tuple[str, float, float, int]  # scene, rate, noise, seed
@@ -89,10 +89,10 @@ def group_table(title: str, cases: list[tuple[CoverageJob, RecordScore]]) -> str
 
 def main() -> int:
     """Tables by scene, rate and noise; 1 where the share over all is outside of 92 to 98 %."""
-    args = asked("evidence.drawn.coverage", __doc__, page=False, seeds=5, jobs=2, scene=("all",))
+    args = asked("evidence.claims.coverage", __doc__, page=False, seeds=5, jobs=2, scene=("all",))
     shipped = sorted(p.stem for p in SCENES.glob("*.toml"))
     names = shipped if "all" in args.scene else args.scene
-    jobs = list(product(names, RATES, NOISES, range(1, args.seeds + 1)))
+    jobs = list(product(names, RATES, MARKER_NOISES, range(1, args.seeds + 1)))
     cases = list(each(scored_record, jobs, args.jobs, args.seeds))
     for title in BY:
         print(group_table(title, cases), end="\n\n")

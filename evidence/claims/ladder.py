@@ -1,6 +1,6 @@
 """Scenes of known level, and how often the ladder finds the smallest one that is enough for force and moment.
 
-    python -m evidence.drawn.ladder [--seeds 20] [--jobs 2]
+    python -m evidence.claims.ladder [--seeds 20] [--jobs 2]
 
 The scenes are motions written down: a body of twelve unequal masses spins along closed-form Euler angles
 under a closed-form force, and stretches, or vibrates in modes in the mass gauge. The force is m c'' - m g,
@@ -44,7 +44,7 @@ STENCIL = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 
 STEP = 2e-4  # s, of the stencil
 
 
-def drawn_body() -> Body:
+def twelve_masses() -> Body:
     """Twelve unequal masses, 0.1 kg in all, in a body of the size of a boomerang; about its mass center."""
     rng = np.random.default_rng(7)
     mass = 0.1 * (w := rng.uniform(0.4, 1.6, 12)) / w.sum()
@@ -54,7 +54,7 @@ def drawn_body() -> Body:
 
 def shapes(level: str) -> Any:
     """Shapes (mode, node, 3) of a level: strains, or modes in the mass gauge, of one meter rms."""
-    X, m = drawn_body().position, drawn_body().mass
+    X, m = twelve_masses().position, twelve_masses().mass
     if level == "affine":
         units = (np.outer(*np.eye(3)[list(k)]) for k in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)))
         return np.array([X @ (0.5 * (E + E.T)) for E in units])
@@ -84,7 +84,7 @@ def arms_at(t: Any, level: str, seed: int) -> Any:
     """Nodes about the mass center (time, node, 3), world axes."""
     phi = 0.3 + 8 * np.pi * t + 0.3 * np.sin(2 * np.pi * 1.5 * t)
     angles = np.column_stack([0.4 + 1.5 * t, 0.6 + 0.2 * np.sin(9 * t), phi])
-    s = np.tile(drawn_body().position, (len(t), 1, 1))
+    s = np.tile(twelve_masses().position, (len(t), 1, 1))
     rng = np.random.default_rng(1000 + seed)  # a different phase in every record
     size = STRAIN if level == "affine" else SIZE
     for k, pattern in enumerate(shapes(level)):
@@ -95,7 +95,7 @@ def arms_at(t: Any, level: str, seed: int) -> Any:
 
 def scene(level: str, noise: float, seed: int) -> Recording:
     """Markers of a scene with noise, and the wrench that moved it."""
-    known, t = drawn_body(), np.arange(FRAMES) / RATE
+    known, t = twelve_masses(), np.arange(FRAMES) / RATE
     (c, a), rho = center_at(t), arms_at(t, level, seed)
     far = sum(w * arms_at(t + (i - 4) * STEP, level, seed) for i, w in enumerate(STENCIL)) / STEP**2
     moment = np.einsum("n,tna->ta", known.mass, np.cross(rho, far))
@@ -174,7 +174,7 @@ def case(job: tuple[str, float, int]) -> dict[str, Any]:
 
 def main() -> None:
     """A table of the records in which the ladder took the smallest sufficient level."""
-    args = asked("evidence.drawn.ladder", __doc__, page=False, seeds=20, jobs=os.cpu_count() or 1)
+    args = asked("evidence.claims.ladder", __doc__, page=False, seeds=20, jobs=os.cpu_count() or 1)
     jobs = [(level, noise, seed) for seed, level, noise in product(range(args.seeds), LEVELS, NOISE)]
     cases = list(each(case, jobs, args.jobs))
     missed, rows = [c for c in cases if c["taken"] != c["enough"]], []

@@ -1,6 +1,6 @@
 """Gyros and accelerometers beside markers and alone, and spin about half a turn a frame: error over claim.
 
-    python -m evidence.drawn.sensors [--seeds 8] [--jobs 2] [--only NAME...]
+    python -m evidence.claims.sensors [--seeds 8] [--jobs 2] [--only NAME...]
 
 A rigid body under loads that are sums of 24 sines, drawn anew for every seed from the spectrum of a Matern
 3/2 process. The estimator is told the noise, no more. Printed of every row: root mean square error of force
@@ -27,19 +27,19 @@ SINES, HIGHEST = 24, 12.0  # Hz
 SIZES = {"force": 1.0, "moment": 0.03}  # N, N m
 RATE = 20.0  # 1/s
 SECONDS, CLOCK, FRAMES = 0.6, 400.0, 100.0  # s, Hz, Hz of the markers
-HALF = np.pi * FRAMES  # rad/s: half a turn a frame
+HALF_TURN_RATE = np.pi * FRAMES  # rad/s: half a turn a frame
 BIASES = {"specific_force_bias": 0.3, "angular_velocity_bias": 0.05}
-ROWS: dict[str, dict[str, Any]] = {
+SENSOR_ROWS: dict[str, dict[str, Any]] = {
     "markers": {"sensors": False},
     "with markers": {},
     "clocks 3 ms late": {"gyro_clock": 3e-3, "accelerometer_clock": 3e-3},
     "biases that wander": {"gyro_walk": 0.05, "accelerometer_walk": 0.5},
     "without markers": {"markers": False, "noise_std": BIASES},
-    "spin 0.7 half turns": {"sensors": False, "spin": (1.0, 2.0, 0.7 * HALF)},
-    "spin 0.95 half turns": {"sensors": False, "spin": (1.0, 2.0, 0.95 * HALF)},
-    "spin 1.05 half turns": {"sensors": False, "spin": (1.0, 2.0, 1.05 * HALF)},
-    "spin 1.05, gyro": {"spin": (1.0, 2.0, 1.05 * HALF)},
-    "spin 2.3, gyro": {"spin": (1.0, 2.0, 2.3 * HALF)},
+    "spin 0.7 half turns": {"sensors": False, "spin": (1.0, 2.0, 0.7 * HALF_TURN_RATE)},
+    "spin 0.95 half turns": {"sensors": False, "spin": (1.0, 2.0, 0.95 * HALF_TURN_RATE)},
+    "spin 1.05 half turns": {"sensors": False, "spin": (1.0, 2.0, 1.05 * HALF_TURN_RATE)},
+    "spin 1.05, gyro": {"spin": (1.0, 2.0, 1.05 * HALF_TURN_RATE)},
+    "spin 2.3, gyro": {"spin": (1.0, 2.0, 2.3 * HALF_TURN_RATE)},
 }
 
 
@@ -58,7 +58,7 @@ def drawn_sines(size: float, rng: np.random.Generator) -> list[dict[str, Any]]:
 def one_flight(job: tuple[str, int]) -> RecordScore:
     """A flight of a row, estimated."""
     name, seed = job
-    given, rng = dict(ROWS[name]), np.random.default_rng(1000 + seed)
+    given, rng = dict(SENSOR_ROWS[name]), np.random.default_rng(1000 + seed)
     sensors, told = given.pop("sensors", True), given.pop("noise_std", {})
     given |= {"marker_every": int(CLOCK / FRAMES) if sensors else 1}
     loads = {load: drawn_sines(size, rng) for load, size in SIZES.items()}
@@ -79,7 +79,7 @@ def one_flight(job: tuple[str, int]) -> RecordScore:
 
 def main() -> int:
     """Print the table."""
-    given = asked("evidence.drawn.sensors", __doc__, page=False, seeds=8, jobs=2, only=tuple(ROWS))
+    given = asked("evidence.claims.sensors", __doc__, page=False, seeds=8, jobs=2, only=tuple(SENSOR_ROWS))
     jobs = [(name, seed) for name in given.only for seed in range(given.seeds)]
     flights, rows = list(each(one_flight, jobs, given.jobs)), []
     for k, name in enumerate(given.only):
