@@ -268,8 +268,8 @@ def stack(models: Sequence[StateSpace], R: Array, over: StateSpace | None = None
     """
     F = block_diagonal(*(s.F for s in models), over=None if over is None else over.F)
     Q = block_diagonal(*(s.Q for s in models), over=None if over is None else over.Q)
-    steps = len(F)
-    u = np.concatenate([np.broadcast_to(s.u, (steps, len(s.x0))) for s in models], 1)  # type: ignore[arg-type]
+    inputs = [(len(s.x0), np.zeros(1) if s.u is None else s.u) for s in models]
+    u = np.concatenate([np.broadcast_to(own, (len(F), size)) for size, own in inputs], 1)
     H = models[0].H if models[0].H.ndim > 2 else block_diag(*(s.H for s in models))
     H = np.pad(H, (*[(0, 0)] * (H.ndim - 1), (0, F.shape[-1] - H.shape[-1])))
     x0, P0 = np.concatenate([s.x0 for s in models]), block_diag(*(s.P0 for s in models))
@@ -281,8 +281,8 @@ class Read:
     """What sensors read of a flight about a reference, whatever the sizes of its loads.
 
     rows (time, channel, state) on the states of both halves, and those of the modes, at the sample; path
-    (time, state): of these, where the reference is; beyond (time, channel): what is read beside rows times path;
-    by_steady (time, channel, number), steady (number,): as of `Sensed`.
+    (time, state): of these, where the reference is; beyond (time, channel): what is read beside rows times
+    path; by_steady (time, channel, number), steady (number,): as of `Sensed`.
     """
 
     rows: Array

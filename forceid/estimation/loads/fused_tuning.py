@@ -157,7 +157,6 @@ def wandering(
     kinds: list[int], flight: Flight, force: LoadPrior, moment: LoadPrior, about: Reference, engine: Engine
 ) -> Flight:
     """A flight whose sensors of these kinds have biases that wander, where it is far likelier than not."""
-
     if not kinds:
         return flight
     bent = flexed(flight, about)
