@@ -74,11 +74,14 @@ PYBIND11_MODULE(_engine, module) {
   def("turned", flights.turned);
   def("lead", flights.lead);
   def("fitted", bodies.fitted);
+  def("nearest", bodies.nearest);
   def("polar", bodies.polar);
   def("bipolar", bodies.bipolar);
   def("steps", bodies.steps);
   def("follow", chosen.lags.follow);
   def("discretized", chosen.steps.discretized);
   def("misfit", chosen.spectra.misfit);
+  def("slopes", chosen.spectra.slopes);
+  def("scoring_step", chosen.spectra.scoring_step);
   def("whitened", chosen.whitening.whitened);
 }

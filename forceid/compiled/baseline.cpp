@@ -17,5 +17,5 @@
 #include "../pseudorigid/splitting.hpp"
 
 const Kernels baseline_kernels = {
-    passes::table, flight::table, {poses::fitted, polar::polar, polar::bipolar_factors, splitting::steps},
-    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit}, {whitening::whitened}};
+    passes::table, flight::table, {poses::fitted, poses::nearest, polar::polar, polar::bipolar_factors, splitting::steps},
+    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}};

@@ -44,6 +44,7 @@ struct Flights {
 // motion/poses.hpp, pseudorigid/polar.hpp and splitting.hpp
 struct Bodies {
   Poses (*fitted)(Array position, Index frames, Index nodes, Array shape, Array weight, Array A, Array C, Array V);
+  Two (*nearest)(Array G);
   Three (*polar)(Array F);
   Four (*bipolar)(Array F);
   void (*steps)(Out F, Out V, Out F_low, Out V_low, Tensor<std::int8_t> stopped, Array kick, Array drift, Size n,
@@ -69,6 +70,9 @@ struct Whitening {
 // flight/spectra.hpp
 struct Spectra {
   Two (*misfit)(Array rows, Array power, Array density);
+  Three (*slopes)(double gain, Array w, Array count, Array noise, Array power, Array total, Array x, Index order,
+                  Array unit);
+  Out (*scoring_step)(Array slope, Array bend, Array down, Array up, Array share, double ridge);
 };
 
 struct Kernels {

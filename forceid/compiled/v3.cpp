@@ -19,6 +19,6 @@ V3
 #include "../pseudorigid/splitting.hpp"
 
 const Kernels v3_kernels = {
-    passes::table, flight::table, {poses::fitted, polar::polar, polar::bipolar_factors, splitting::steps},
-    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit}, {whitening::whitened}};
+    passes::table, flight::table, {poses::fitted, poses::nearest, polar::polar, polar::bipolar_factors, splitting::steps},
+    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}};
 #endif

@@ -9,6 +9,7 @@ state. Source: principal equations 4b, 4d, 4f.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +22,13 @@ from forceid.flight.color import Color, SharedErrors, root_of
 from forceid.flight.instruments.bending import bending
 from forceid.flight.instruments.gyro import GYRO
 from forceid.flight.instruments.moved import Moved
-from forceid.flight.instruments.sensors import Sensors, read_later, sensed, with_sensor_channels
+from forceid.flight.instruments.sensors import (
+    Sensors,
+    biases_of,
+    read_later,
+    sensed,
+    with_sensor_channels,
+)
 from forceid.flight.modes import FlyingModes, bent, with_strain_channels
 from forceid.flight.priors.protocol import CONSTANT, INTEGRAL, LOAD, MOMENTUM, LoadPrior
 from forceid.kalman.building.process import block_diagonal
@@ -254,12 +261,63 @@ def seen_part(
     return flight.colored(rotation_model(flight, prior, wider), ROTATION), error_angle(flight, about)
 
 
-def stack(a: StateSpace, b: StateSpace, R: Array) -> StateSpace:
-    """Two models side by side, with measurement covariance R (time, channel, channel) across both."""
-    F, Q = block_diagonal(a.F, b.F), block_diagonal(a.Q, b.Q)
-    u = np.concatenate([np.broadcast_to(s.u, (len(F), len(s.x0))) for s in (a, b)], 1)  # type: ignore[arg-type]
-    H, P0 = block_diag(a.H, b.H), block_diag(a.P0, b.P0)
-    return StateSpace(F, Q, H, R, np.concatenate([a.x0, b.x0]), P0, u)
+def stack(models: Sequence[StateSpace], R: Array, over: StateSpace | None = None) -> StateSpace:
+    """Models side by side, with measurement covariance R (time, channel, channel) across all.
+
+    over: one of models of the same sizes, whose F and Q are written over.
+    """
+    F = block_diagonal(*(s.F for s in models), over=None if over is None else over.F)
+    Q = block_diagonal(*(s.Q for s in models), over=None if over is None else over.Q)
+    inputs = [(len(s.x0), np.zeros(1) if s.u is None else s.u) for s in models]
+    u = np.concatenate([np.broadcast_to(own, (len(F), size)) for size, own in inputs], 1)
+    H = models[0].H if models[0].H.ndim > 2 else block_diag(*(s.H for s in models))
+    H = np.pad(H, (*[(0, 0)] * (H.ndim - 1), (0, F.shape[-1] - H.shape[-1])))
+    x0, P0 = np.concatenate([s.x0 for s in models]), block_diag(*(s.P0 for s in models))
+    return StateSpace(F, Q, H, R, x0, P0, u)
+
+
+@dataclass(frozen=True)
+class Read:
+    """What sensors read of a flight about a reference, whatever the sizes of its loads.
+
+    rows (time, channel, state) on the states of both halves, and those of the modes, at the sample; path
+    (time, state): of these, where the reference is; beyond (time, channel): what is read beside rows times
+    path; by_steady (time, channel, number), steady (number,): as of `Sensed`.
+    """
+
+    rows: Array
+    path: Array
+    beyond: Array
+    by_steady: Array
+    steady: Array
+
+
+def read_of(flight: Flight, force: LoadPrior, moment: LoadPrior, reference: Reference) -> Read:
+    """What the sensors of a flight along a reference read; the priors say which states hold the loads."""
+    flight, sensors = flexed(flight, reference), flight.sensors
+    assert sensors is not None
+    n, T = force.states, len(flight.time)
+    chain = np.zeros((T, n)) if reference.force is None else reference.force
+    moved = moved_along(flight, force, replace(reference, force=chain))
+    steady = steady_of(sensors, reference)
+    seen = sensed(sensors, moved, steady)
+    by_theta = seen.by["theta"]
+    for prior, by, load in ((force, seen.by["F"], moved.F), (moment, seen.by["T"], moved.T)):
+        if prior.body_axes is not None:
+            by_theta = by_theta - by @ skew(load)
+    rows = np.concatenate([seen.by["F"] @ force.rows, seen.by["T"] @ reference.moment.rows], 2)
+    rows[:, :, n : n + 3] += by_theta
+    rows[:, :, n + 3 : n + 6] += seen.by["H"] @ reference.moment.axes
+    path = np.concatenate([chain, reference.chain], 1)
+    beyond = sensors.readings[:, sensors.used] - seen.reading + np.einsum("tcs,s->tc", seen.by_steady, steady)
+    if flight.modes is not None:
+        by_modes = np.zeros((*rows.shape[:2], flight.modes.path.shape[1]))
+        if flight.modes.mounting is not None:
+            more, by_modes = bending(sensors, moved, flight.modes, steady)
+            beyond -= more
+        rows = np.concatenate([rows, by_modes], 2)
+        path = np.concatenate([path, flight.modes.path], 1)
+    return Read(rows, path, beyond, seen.by_steady, steady)
 
 
 def linear_flight(
@@ -268,23 +326,26 @@ def linear_flight(
     moment: LoadPrior,
     reference: Reference,
     halves: tuple[StateSpace, StateSpace] | None = None,
+    read: Read | None = None,
+    over: StateSpace | None = None,
 ) -> tuple[StateSpace, Array]:
     """The whole flight as a linear model about a reference, and what it measures (time, channel).
 
     Channels: mass center, rotation error, what frames tell of the modes beside, and the sensors with what is
     constant about the reference removed. halves: of the mass center, and of the rotation about the reference,
-    where these are known.
+    read: what the sensors read about it, where these are known; over: one that such a call has returned of
+    sensors, which is written over: what a search tries and drops takes no memory of its own.
     """
     flight = flexed(flight, reference)
     if halves is None:
         halves = translation(flight, force, reference.rotation), rotation_model(flight, moment, reference)
-    free, model = halves[0], stack(*halves, flight.pose_cov)
+    models: tuple[StateSpace, ...] = halves
     z = np.concatenate([flight.center, error_angle(flight, reference)], 1)
-    n, N = len(free.x0), len(model.x0)
+    n, N, R = len(halves[0].x0), sum(len(half.x0) for half in halves), flight.pose_cov
     if flight.modes is not None:
         frames, whole = flight.modes.frames, np.isfinite(z).all(1, keepdims=True)
         H = flight.whole(reference.moment.read(reference.chain)[0])
-        model = bent(model, n, flight.modes, flight.time, reference.rotation, H)
+        model = bent(stack(halves, R), n, flight.modes, flight.time, reference.rotation, H)
         theta = error_angle(replace(flight, rotation=frames.rotation), reference)
         z = np.where(whole, np.concatenate([frames.center, theta, frames.observed], 1), np.nan)
         if (strain := flight.modes.gauges) is not None:
@@ -292,33 +353,16 @@ def linear_flight(
                 with_strain_channels(model, strain, N, flight.modes.prior.states),
                 np.concatenate([z, strain.reading], 1),
             )
+        models, R = (model,), model.R
     if flight.sensors is None:
-        return flight.colored(model, POSE), z
-    chain = np.zeros((len(z), n)) if reference.force is None else reference.force
-    moved = moved_along(flight, force, replace(reference, force=chain))
-    steady = steady_of(flight.sensors, reference)
-    seen = sensed(flight.sensors, moved, steady)
-    by_theta = seen.by["theta"]
-    for prior, by, load in ((force, seen.by["F"], moved.F), (moment, seen.by["T"], moved.T)):
-        if prior.body_axes is not None:
-            by_theta = by_theta - by @ skew(load)
-    rows = np.concatenate([seen.by["F"] @ force.rows, seen.by["T"] @ reference.moment.rows], 2)
-    rows[:, :, n : n + 3] += by_theta
-    rows[:, :, n + 3 : n + 6] += seen.by["H"] @ reference.moment.axes
-    about = np.concatenate([chain, reference.chain], 1)
-    rows, chance = read_later(rows, flight.sensors, flight.sensors.clock(steady), (force, moment))
-    read = flight.sensors.readings[:, flight.sensors.used]
-    observed = read - seen.reading + np.einsum("tcs,ts->tc", rows, about)
-    observed += np.einsum("tcs,s->tc", seen.by_steady, steady)
-    rows = np.pad(rows, ((0, 0), (0, 0), (0, len(model.x0) - N)))
-    if flight.modes is not None and flight.modes.mounting is not None:
-        more, by_modes = bending(flight.sensors, moved, flight.modes, steady)
-        rows[:, :, N : N + by_modes.shape[2]] = by_modes
-        observed += np.einsum("tcs,ts->tc", by_modes, flight.modes.path) - more
-    rows_below = with_sensor_channels(
-        model, flight.sensors, rows, chance, seen.by_steady, np.diff(flight.time)
-    )
-    return rows_below, np.concatenate([z, observed], 1)
+        return flight.colored(stack(models, R) if len(models) > 1 else models[0], POSE), z
+    read = read_of(flight, force, moment, reference) if read is None else read
+    rows, chance = read_later(read.rows, flight.sensors, flight.sensors.clock(read.steady), (force, moment))
+    observed = read.beyond + np.einsum("tcs,ts->tc", rows, read.path)
+    model = stack((*models, biases_of(flight.sensors, np.diff(flight.time))), R, over)
+    rows = np.pad(rows, ((0, 0), (0, 0), (0, sum(len(s.x0) for s in models) - rows.shape[2])))
+    model = with_sensor_channels(model, flight.sensors, rows, chance, read.by_steady)
+    return model, np.concatenate([z, observed], 1)
 
 
 def flexed(flight: Flight, reference: Reference) -> Flight:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from forceid.compiled import engine as compiled
 from forceid.flight.color import Color
 from forceid.kalman.building.process import matern_density
 from forceid.records import Array, Flags, Indices
@@ -90,6 +91,10 @@ class Spectrum:
 
     def slopes(self, x: Array, order: Array) -> tuple[Array, Array, Array]:
         """Log-likelihood (order, axis) at search points and noise x (order, axis, 3), slope, information."""
+        if compiled is not None:
+            each = self.w, self.count, self.noise, self.power, self.total
+            value, slope, bend = compiled.slopes(self.gain, *each, x, order, UNIT)
+            return value, slope, bend
         load, along = self.load(x[..., :2], order[:, None])
         noisy = np.exp(2 * x[..., 2, None]) * self.noise
         total = load + noisy
@@ -154,6 +159,8 @@ def scoring_step(slope: Array, bend: Array, down: Array, up: Array, share: Array
     slope, and bend (order, axis, 3, 3) of the information. A coordinate that would leave its bounds goes to
     the bound, and the others make the best of that.
     """
+    if compiled is not None:
+        return np.asarray(compiled.scoring_step(slope, bend, down, up, share, SINGLE))
     along, held = slope.copy(), np.zeros(slope.shape)
     along[..., 2] = slope[..., 2] @ share
     stays = ((down >= 0) & (along <= 0)) | ((up <= 0) & (along >= 0))

@@ -36,10 +36,21 @@ def fit_rotation(position: Array, shape: Array, weight: Array) -> tuple[Array, A
     weighed = (w[..., None] * x).mT
     x_mean, X_mean = weighed.sum(-1) / total, w @ shape / total
     G = weighed @ shape - total[..., None] * x_mean[:, :, None] * X_mean[:, None]
-    U, _, Vt = np.linalg.svd(G)
-    U[..., 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
-    R = U @ Vt
+    R = nearest_rotation(G)
     return x_mean - np.einsum("tab,tb->ta", R, X_mean), R
+
+
+def nearest_rotation(G: Array) -> Array:
+    """Rotations (time, 3, 3) that maximize tr(R^T G) of G (time, 3, 3). Compiled where a compiler was."""
+    hard: Indices | slice = slice(None)
+    R = np.empty_like(G)
+    if compiled is not None:
+        R, arrived = compiled.nearest(G)
+        hard = np.flatnonzero(arrived != 1)
+    U, _, Vt = np.linalg.svd(G[hard])
+    U[..., 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
+    R[hard] = U @ Vt
+    return R
 
 
 def frames_seen_alike(

@@ -237,7 +237,7 @@ def test_engines_see_the_same_flight():
 def test_stacked_models_do_not_disturb_each_other():
     flight, reference, _ = driven_top(2e-3)
     free, spun = translation(flight, FORCE), rotation_model(flight, MOMENT, reference)
-    both = stack(free, spun, flight.pose_cov)
+    both = stack((free, spun), flight.pose_cov)
     z = np.random.default_rng(12).standard_normal((len(flight.time), 6)) * 1e-3
     n = len(free.x0)
     joint = kalman.smooth(both, z)

@@ -21,9 +21,11 @@ from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.channels import FLIGHT_SAMPLES, middle
 from forceid.flight.model import (
     Flight,
+    Read,
     Reference,
     flexed,
     linear_flight,
+    read_of,
     rotation_model,
     seen_part,
     translation,
@@ -74,6 +76,7 @@ def tune_together(
             by, spread = ascended(half, np.zeros(2), spread_about(half, 2) if spread is None else spread)
             return flight, force, moment.moved(by)
         bent = flexed(cut, near)  # a step along one load leaves the model of the other as it was
+        read = None if cut.sensors is None else read_of(cut, force, moment, near)
 
         @lru_cache(MODELS_HELD)
         def moving(*by: float) -> StateSpace:
@@ -83,9 +86,14 @@ def tune_together(
         def turning(*by: float) -> StateSpace:
             return rotation_model(bent, moment.moved(np.array(by)), near)
 
+        over: StateSpace | None = None
+
         def value(by: Array) -> float:
+            nonlocal over
             halves = moving(*by[:2].tolist()), turning(*by[2:4].tolist())
-            return flight_likelihood(cut, force, moment, near, engine, loud, by, halves)
+            priors, tried = (force.moved(by[:2]), moment.moved(by[2:4])), louder(cut, loud, by[4:])
+            over, z = linear_flight(tried, *priors, near, halves, read, over)
+            return likelihood_of(over, z, engine)
 
         start = np.zeros(4 + len(loud))
         apiece = [partial(of_half, cut, force, None, engine), partial(of_half, cut, moment, near, engine)]
@@ -149,12 +157,15 @@ def wandering(
     kinds: list[int], flight: Flight, force: LoadPrior, moment: LoadPrior, about: Reference, engine: Engine
 ) -> Flight:
     """A flight whose sensors of these kinds have biases that wander, where it is far likelier than not."""
-
-    def level(flight: Flight) -> float:
-        return flight_likelihood(flight, force, moment, about, engine, [], np.zeros(4))
-
     if not kinds:
         return flight
+    bent = flexed(flight, about)
+    halves = translation(bent, force, about.rotation), rotation_model(bent, moment, about)
+    read = read_of(flight, force, moment, about)
+
+    def level(flight: Flight) -> float:
+        return flight_likelihood(flight, force, moment, about, engine, halves, read)
+
     stays = level(flight)
     for i in kinds:
         sensors = flight.sensors
@@ -198,19 +209,18 @@ def flight_likelihood(
     moment: LoadPrior,
     about: Reference,
     engine: Engine,
-    free: list[int],
-    by: Array,
     halves: tuple[StateSpace, StateSpace] | None = None,
+    read: Read | None = None,
 ) -> float:
-    """Log-likelihood of a flight linearized about a reference, its priors and the noise of sensors moved.
+    """Log-likelihood of a flight linearized about a reference; halves, read: as of `linear_flight`."""
+    return likelihood_of(*linear_flight(flight, force, moment, about, halves, read), engine)
 
-    halves: the models of its two halves under those priors, where they are known.
-    """
-    priors = force.moved(by[:2]), moment.moved(by[2:4])
-    model, z = linear_flight(louder(flight, free, by[4:]), *priors, about, halves)
+
+def likelihood_of(model: StateSpace, z: Array, engine: Engine) -> float:
+    """Log-likelihood of a model, none where numbers are so far off that a covariance loses its sign."""
     try:
         return float(engine.log_likelihood(model, z))
-    except EstimationError:  # numbers so far off that a covariance loses its sign
+    except EstimationError:
         return -np.inf
 
 
@@ -218,10 +228,7 @@ def of_half(flight: Flight, prior: LoadPrior, about: Reference | None, engine: E
     """Log-likelihood of the rotation by itself, linearized about a reference, its prior moved; None: of the
     mass center.
     """
-    try:
-        return float(engine.log_likelihood(*seen_part(flight, prior.moved(by), about)))
-    except EstimationError:
-        return -np.inf
+    return likelihood_of(*seen_part(flight, prior.moved(by), about), engine)
 
 
 def along_own_axes(prior: LoadPrior, load: Array) -> LoadPrior:

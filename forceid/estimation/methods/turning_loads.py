@@ -126,7 +126,7 @@ def promising(kind: Kind, own: Alternative, force: Alternative, moment: Alternat
     assert about is not None
     pair = turning_as(kind, force.force, moment.moment)
     flight = with_noise_of(with_noise_of(own.flight, moment.flight, "moment"), force.flight, "force")
-    value = flight_likelihood(flight, *pair, about, search.engine, [], np.zeros(4))
+    value = flight_likelihood(flight, *pair, about, search.engine)
     return value > likelihood(own) + NO_GAIN
 
 
@@ -181,7 +181,7 @@ def begun(
 
     def value(p: Array) -> float:
         noisy, priors = by(p)
-        return flight_likelihood(flight_segment(noisy, part), *priors, path, search.engine, [], np.zeros(4))
+        return flight_likelihood(flight_segment(noisy, part), *priors, path, search.engine)
 
     starts = QUIETER if free else (0.0,)
     tops = [bfgs_maximum(value, np.array([0.0, 0.0, *[quieter] * len(free)])) for quieter in starts]

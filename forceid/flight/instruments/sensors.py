@@ -8,7 +8,8 @@ that. A sensor stands still in body axes: what bending adds is in `bending.py`. 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -60,23 +61,23 @@ class Sensors:
         """All channels side by side, (time, channel): kind by kind, sensor by sensor."""
         return self.reading.reshape(len(self.reading), -1)
 
-    @property
+    @cached_property
     def used(self) -> Flags:
         """Channels (channel,) that read anything at all: the others get no row and no bias."""
         return np.asarray(np.isfinite(self.readings).any(0))
 
-    @property
+    @cached_property
     def kind(self) -> Indices:
         """Of every channel used, the place of its instrument among `instruments`."""
         kinds = len(self.instruments)
         return np.asarray(np.repeat(np.arange(kinds), self.readings.shape[1] // kinds)[self.used])
 
-    @property
+    @cached_property
     def owner(self) -> Indices:
         """The same of every number that an instrument brings along."""
         return np.repeat(np.arange(len(self.instruments)), [len(one.steady) for one in self.instruments])
 
-    @property
+    @cached_property
     def doubted(self) -> Flags:
         """Steady numbers that have a state: of kinds that read, and clocks only where they are in doubt."""
         read = np.isin(np.arange(len(self.instruments)), self.kind)
@@ -175,8 +176,8 @@ def read_later(
     """
     rows, noise = rows.copy(), np.zeros((*rows.shape[:2], rows.shape[1]))
     for i, by in enumerate(clock):
-        mine = np.flatnonzero(sensors.kind == i)
-        if by == 0.0 or not len(mine):
+        mine = slice(*np.searchsorted(sensors.kind, (i, i + 1)))
+        if by == 0.0 or mine.start == mine.stop:
             continue
         begin = 0
         for load in loads:
@@ -185,30 +186,36 @@ def read_later(
             if by < 0:
                 lead = np.linalg.inv(lead)
                 chance = lead @ chance @ lead.T
-            own = rows[:, mine, part]
-            noise[:, mine[:, None], mine] += own @ chance[3:, 3:] @ own.swapaxes(1, 2)
-            rows[:, mine, part] = own @ lead[3:, 3:]
+            own = rows[:, mine, part].reshape(-1, len(P0) - 3)
+            by_chance = (own @ chance[3:, 3:]).reshape(len(rows), -1, len(P0) - 3)
+            noise[:, mine, mine] += by_chance @ rows[:, mine, part].swapaxes(1, 2)
+            rows[:, mine, part] = (own @ lead[3:, 3:]).reshape(by_chance.shape)
             begin += len(P0)
     return rows, noise
 
 
-def with_sensor_channels(
-    model: StateSpace, sensors: Sensors, H: Array, noise: Array, by_steady: Array, step: Array
-) -> StateSpace:
-    """A model with channels of sensors below its own; behind its states their biases, then steady numbers.
+def biases_of(sensors: Sensors, step: Array) -> StateSpace:
+    """The states that sensors bring along: a bias of each channel, then steady numbers; step (time - 1,)."""
+    doubted, k = sensors.doubted, len(sensors.kind)
+    steady_var = np.concatenate([sensors.number_std[sensors.owner], sensors.clock_std])[doubted] ** 2
+    walk = np.concatenate([sensors.bias_walk[sensors.kind] ** 2, np.zeros(doubted.sum())])
+    n = k + int(doubted.sum())
+    return StateSpace(
+        np.eye(n), step[:, None, None] * np.diag(walk), np.zeros((0, n)), np.zeros((0, 0)), np.zeros(n),
+        np.diag(np.concatenate([sensors.bias_var, steady_var])), np.zeros(n),
+    )  # fmt: skip
 
-    H (time, channel, state): rows of the sensors on the states of the model; noise (time, channel, channel)
-    beside their own; by_steady (time, channel, number): slopes by the steady numbers; step (time - 1,) s.
+
+def with_sensor_channels(
+    model: StateSpace, sensors: Sensors, H: Array, noise: Array, by_steady: Array
+) -> StateSpace:
+    """A model that ends with the states of `biases_of`, with channels of sensors below its own.
+
+    H (time, channel, state): rows of the sensors on the states of the model before those; noise (time,
+    channel, channel) beside their own; by_steady (time, channel, number): slopes by the steady numbers.
     """
-    doubted, owner = sensors.doubted, sensors.owner
-    k, n, m, T, c = H.shape[1], len(model.x0), model.R.shape[-1], len(H), int(doubted.sum())
-    rows = np.zeros((T, m + k, n + k + c))
-    rows[:, :m, :n], rows[:, m:, :n], rows[:, m:, n : n + k] = model.H, H, np.eye(k)
-    rows[:, m:, n + k :] = by_steady[:, :, doubted]
-    R = block_diagonal(model.R, noise + np.diag(sensors.noise_var))
-    steady_var = np.concatenate([sensors.number_std[owner], sensors.clock_std])[doubted] ** 2
-    P0 = block_diagonal(model.P0, np.diag(np.concatenate([sensors.bias_var, steady_var])))
-    wander = np.diag(np.concatenate([sensors.bias_walk[sensors.kind] ** 2, np.zeros(c)]))
-    F, Q = block_diagonal(model.F, np.eye(k + c)), block_diagonal(model.Q, step[:, None, None] * wander)
-    u = None if model.u is None else np.pad(model.u, ((0, 0), (0, k + c)))
-    return StateSpace(F, Q, rows, R, np.pad(model.x0, (0, k + c)), P0, u)
+    T, k, n, m = *H.shape, model.R.shape[-1]
+    rows = np.zeros((T, m + k, len(model.x0)))
+    rows[:, :m], rows[:, m:, :n], rows[:, m:, n : n + k] = model.H, H, np.eye(k)
+    rows[:, m:, n + k :] = by_steady[:, :, sensors.doubted]
+    return replace(model, H=rows, R=block_diagonal(model.R, noise + np.diag(sensors.noise_var)))

@@ -199,11 +199,16 @@ def discretize(process: Diffusion, step: ArrayLike) -> tuple[Array, Array]:
     return F, 0.5 * (Q + Q.swapaxes(-1, -2))
 
 
-def block_diagonal(*blocks: Array) -> Array:
-    """Square blocks (..., state, state) along the diagonal; leading axes broadcast."""
-    lead = np.broadcast_shapes(*(b.shape[:-2] for b in blocks))
-    size = sum(b.shape[-1] for b in blocks)
-    joint, at = np.zeros((*lead, size, size), np.result_type(float, *blocks)), 0
+def block_diagonal(*blocks: Array, over: Array | None = None) -> Array:
+    """Square blocks (..., state, state) along the diagonal; leading axes broadcast.
+
+    over: such a matrix of blocks as large, which is written over and is then the one returned.
+    """
+    if over is None:
+        lead = np.broadcast_shapes(*(b.shape[:-2] for b in blocks))
+        size = sum(b.shape[-1] for b in blocks)
+        over = np.zeros((*lead, size, size), np.result_type(float, *blocks))
+    joint, at = over, 0
     for b in blocks:
         joint[..., at : at + b.shape[-1], at : at + b.shape[-1]] = b
         at += b.shape[-1]

@@ -21,6 +21,7 @@ from forceid.flight.priors.matern import Matern
 from forceid.flight.smoother import FlightState
 from forceid.flight.tuning import LEAK, ORDERS
 from forceid.records import Array
+from forceid.rounding import SINGLE
 
 POWERS_APART = 1e4  # times the power of the noise of a channel that what else is read may make of it
 BEYOND = 8.0  # times half the sample rate, up to which what is lost of a load is counted
@@ -102,10 +103,11 @@ def growth_of(found: Whitened, claimed: Array, orders: Array | None = None) -> A
     hidden, shown = found.densities(finer)
     band = followed_up_to(shown / (hidden + shown), finer).max()
     width, powers = np.gradient(wide) * 2, found.powers(found.innovation)
+    leak = 2 * LEAK * (1 + SINGLE) * prior.kernel.std.max()  # of a prior that has no less, to rounding
     growth = np.ones(3)
     for axis, candidates in enumerate(found.candidates):
         counted = width
-        if not prior.kernel.std[axis] > 2 * LEAK * prior.kernel.std.max():
+        if not prior.kernel.std[axis] > leak:
             # what is faster than the band of the load is no part of the claim, but of what may hide
             counted = np.where(wide < max(band, 2 / span), width, 0.0)
         counted = counted * lost[:, axis] ** 2
@@ -115,7 +117,7 @@ def growth_of(found: Whitened, claimed: Array, orders: Array | None = None) -> A
         growth[axis] = grown_deviation(likely, error - own, claimed[axis])
     # a load that is as good as constant, or too weak to show: of few cycles a spectrum tells little. Of one
     # that turns with the body none does in axes of the world, where these stretches are
-    still = prior.kernel.std**2 < np.maximum(claimed, (2 * LEAK * prior.kernel.std.max()) ** 2)
+    still = prior.kernel.std**2 < np.maximum(claimed, leak**2)
     cycles = max(band * span, 2.0)
     if prior.lines or prior.tuned.pieces is not None or not isinstance(prior.kernel, Matern):
         return growth
