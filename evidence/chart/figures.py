@@ -133,7 +133,7 @@ def draw_points(ax: Axes, case: Mapping[str, Any], what: str) -> None:
 def room_around(values: list[float], factor: float) -> tuple[float, float]:
     """Limits of a log axis about values, with room of a factor on both sides.
 
-    >>> around([1.0, 100.0], 2.0)
+    >>> room_around([1.0, 100.0], 2.0)
     (0.5, 200.0)
     """
     kept = [v for v in values if v > 0]

@@ -195,7 +195,7 @@ def read_later(
 
 
 def biases_of(sensors: Sensors, step: Array) -> StateSpace:
-    """The states that sensors bring along: a bias of each channel, then steady numbers; step (time - 1,)."""
+    """States that sensors bring along: a bias of each channel, then steady numbers; step (time - 1,) s."""
     doubted, k = sensors.doubted, len(sensors.kind)
     steady_var = np.concatenate([sensors.number_std[sensors.owner], sensors.clock_std])[doubted] ** 2
     walk = np.concatenate([sensors.bias_walk[sensors.kind] ** 2, np.zeros(doubted.sum())])

@@ -31,7 +31,7 @@ from forceid.report.page import render_page
 from forceid.scenes.recipe import load_recipe, simulate
 
 EVIDENCE = Path(__file__).parents[3] / "evidence"
-FILE = EVIDENCE / "drawn" / "ladder.py"
+FILE = EVIDENCE / "claims" / "ladder.py"
 DATA = EVIDENCE.parent / "data" / "synthetic"
 SPEC = importlib.util.spec_from_file_location("scenes_of_known_level", FILE)
 scenes = importlib.util.module_from_spec(SPEC)
