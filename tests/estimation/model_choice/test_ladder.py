@@ -63,7 +63,7 @@ def rungs(recording, **settings):
 def test_scene_moves_as_its_moment_says():
     time = np.arange(scenes.FRAMES) / scenes.RATE
     step = 1e-4
-    mass = scenes.drawn_body().mass
+    mass = scenes.twelve_masses().mass
     arms = [scenes.arms_at(time + k * step, "modal 3", 0) for k in (-2, -1, 0, 1, 2)]
     # third-order accurate speed at both ends of a step, then the rise of the angular momentum over it
     speed = [(arms[k + 1] - arms[k - 1]) / (2 * step) for k in (1, 3)]
@@ -73,7 +73,7 @@ def test_scene_moves_as_its_moment_says():
 
 
 def test_modes_of_a_scene_hold_no_rigid_motion():
-    body, shapes = scenes.drawn_body(), scenes.shapes("modal 6")
+    body, shapes = scenes.twelve_masses(), scenes.shapes("modal 6")
     mass = body.mass[:, None]
     np.testing.assert_allclose((mass * shapes).sum(1), 0.0, atol=1e-15)
     spin = (mass * np.cross(body.position, shapes)).sum(1)
