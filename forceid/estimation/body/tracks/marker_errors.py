@@ -71,17 +71,21 @@ class MarkerErrors:
 def marker_errors(time: Array, y: Array) -> MarkerErrors | None:
     """Errors from the numbers y (time, freedom) m that no motion makes, NaN in frames that are not whole.
 
-    None where too few samples in a row show them.
+    From the longest run of whole frames, or from all of these where it holds less than half of them. None
+    where there are too few.
     """
-    first, length = max(runs(np.asarray(np.isfinite(y).all(1))), key=lambda run: run[1], default=(0, 0))
-    run = slice(first, first + length)
-    if not y.shape[1] or length < SPECTRAL:
+    whole = np.asarray(np.isfinite(y).all(1))
+    first, length = max(runs(whole), key=lambda run: run[1], default=(0, 0))
+    row = np.arange(first, first + length)
+    if 2 * length < whole.sum():  # lost here and there: the others in a row err as fast on the mean
+        row = np.flatnonzero(whole)
+    if not y.shape[1] or len(row) < SPECTRAL:
         return None
-    y = y - np.median(y[run], 0)
+    y = y - np.median(y[row], 0)
     each = loudness(y)
-    loud = None if each is None else each / each[np.isfinite(y).all(1)].mean()
-    y = y[run] if loud is None else (y / np.sqrt(loud)[:, None])[run]
-    n, step = len(y), float(np.ptp(time[run])) / (len(y) - 1)
+    loud = None if each is None else each / each[whole].mean()
+    y = y[row] if loud is None else (y / np.sqrt(loud)[:, None])[row]
+    n, step = len(y), float(np.ptp(time[row])) / (len(y) - 1)
     kurtosis = float((y**4).mean() / max(float((y**2).mean()) ** 2, np.finfo(float).tiny))
     usual = max(float(np.quantile(np.abs(y), 0.9)) / 1.645, np.finfo(float).tiny)  # as of a normal deviate
     y = np.clip(y, -WILD * usual, WILD * usual)
