@@ -25,12 +25,14 @@ AIRY = 1e-5  # kg/m3 in a cube of the length of the body; the long wires of a sa
 def judge_reference(body: Body, kin: Kinematics) -> list[Finding]:
     """Markers that are, all the time, far from where the reference shape has them.
 
-    An affine body may be stretched all the time: then from where an affine map of that shape has them.
+    An affine body may be stretched all the time: then from where an affine map of that shape has them, which
+    is about the center that a rigid body would have there.
     """
     if body.position is None or not kin.attitude or not kin.seen.any():
         return []
     X = body.position - kin.inertia.center
-    there = X @ np.linalg.lstsq(X[kin.seen], kin.shape[kin.seen])[0] if kin.model == "affine" else X
+    field = np.column_stack([X, np.ones(len(X))])
+    there = field @ np.linalg.lstsq(field[kin.seen], kin.shape[kin.seen])[0] if kin.model == "affine" else X
     off = np.linalg.norm(kin.shape - there, axis=1) * kin.seen
     size = float(np.sqrt((X[kin.seen] ** 2).sum(1).mean()))
     k = int(off.argmax())

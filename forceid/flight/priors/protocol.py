@@ -236,6 +236,12 @@ class LoadPrior:
         """The same with another kernel."""
         return replace(self, tuned=replace(self.tuned, kernel=kernel))
 
+    def scaled(self, share: float, mean: float) -> LoadPrior:
+        """That of a load so many times as large, whose mean has a standard deviation too."""
+        other = self.with_kernel(self.kernel.scaled(share))
+        lines = tuple(replace(line, std=share * line.std) for line in self.lines)
+        return replace(other, start=replace(self.start, mean=mean**2), lines=lines)
+
     def moved(self, by: Array) -> LoadPrior:
         """The same with its kernel moved, for a search: by[0] the level, by[1] the rate, as logarithms."""
         return self.with_kernel(self.kernel.moved(by))

@@ -3,7 +3,8 @@
 A center told d beside its place, body axes, is seen at c + R d, and m (R d)'' passes for force. An inertia
 told dJ too large makes R dJ omega of angular momentum, and the rate of that passes for moment. Both are
 patterns that the motion fixes, and the record is more or less likely with them: beforehand as likely as none,
-of the size that usual measurements leave. Who states how well the body is known (body_std) is believed.
+of the size that usual measurements leave. The prior of the load has grown to what such a pattern passed for,
+so that smaller loads are tried beside it. Who states how well the body is known (body_std) is believed.
 Source: principal equations 2.4, 2.6.
 """
 
@@ -14,15 +15,16 @@ from scipy.integrate import cumulative_trapezoid
 
 from forceid.estimation.body.inertia import Inertia
 from forceid.estimation.loads.hidden.order_uncertainty import claimed_along, grown
-from forceid.estimation.loads.hidden.whitened import Whitened
+from forceid.estimation.loads.hidden.whitened import MOST_GAINED, Whitened, amounts
 from forceid.estimation.verdict.body_errors import SYMMETRIC
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.smoother import FlightState
 from forceid.records import Array, Finding
-from forceid.significance import SIGMAS
+from forceid.significance import OUTLIER, SIGMAS, TENTH
 
 BALANCED = 0.01  # of the length of a body: as near its mass center is found by balancing it on an edge
+SIZES = 10  # of a load, each half of the last: to a thousandth
 SWUNG = 0.02  # of moments of inertia: as well they are known by swings of a body on wires
 
 
@@ -54,7 +56,9 @@ def allow_for_told(
     own, edge = slice(0, 3) if load == "force" else slice(3, 6), len(look.loads) // 8
     axes, made = look.prior.axes_along(state.rotation), look.loads[edge : len(look.loads) - edge]
     claimed = np.sqrt(claimed_along(axes, grown(state, growth).wrench_cov[:, own, own]))
-    more, wrong, cov = look.gained(std)
+    if not SIGMAS * std * np.sqrt(np.mean((made**2).sum(2), axis=0) / claimed**2).max() > TENTH:
+        return growth, ()
+    more, wrong, cov = evidence_of_wrong(look, std, length(state.force if load == "force" else state.moment))
     off = np.sqrt(
         np.mean((made @ wrong) ** 2 + np.einsum("tah,hk,tak->ta", made, cov, made, optimize=True), axis=0)
     )
@@ -69,3 +73,29 @@ def allow_for_told(
     amount = float(np.linalg.norm(wrong)) * (1e3 if load == "force" else 100.0)
     found = length(state.force if load == "force" else state.moment)
     return growth, (note(code, amount=amount, made=size, found=found, unit=unit),)
+
+
+def evidence_of_wrong(look: Whitened, std: float, size: float) -> tuple[float, Array, Array]:
+    """Log-likelihood that a record gains by amounts of its signals, normal with std; these, and their cov.
+
+    With and without them the load may be of any size up to the one found, and its mean as well: what passed
+    for a load leaves less of it. Each size is half of the last, as long as the likelihood with amounts rises.
+    """
+    none, each = [], []
+    for mean_too in (False, True):
+        last = -np.inf
+        for share in 0.5 ** np.arange(mean_too, SIZES):
+            prior = look.prior.scaled(share, size * share**mean_too)
+            one = look.filtered(prior)
+            v = np.nan_to_num(one.innovation)
+            own, signals = np.clip(v[:, 0], -OUTLIER, OUTLIER), np.moveaxis(v[:, 1:], 1, 2)
+            amount, cov, volume = amounts(signals, own, std)
+            more = 0.5 * amount @ np.linalg.solve(cov, amount) - volume
+            none.append(float(one.log_likelihood[0]))
+            each.append((none[-1] + more, amount, cov))
+            if not each[-1][0] > last + TENTH:
+                break
+            last = each[-1][0]
+    _, amount, cov = max(each, key=lambda one: one[0])
+    gained = float(np.logaddexp.reduce([one[0] for one in each]) - np.logaddexp.reduce(none))
+    return min(gained, MOST_GAINED), amount, cov

@@ -19,6 +19,7 @@ from forceid.flight.tuning import ORDERS
 from forceid.flight.whittle import ordinates
 from forceid.kalman.building.process import matern_density
 from forceid.kalman.engines import Engine
+from forceid.kalman.model import Filtered, StateSpace
 from forceid.records import Array, Indices
 from forceid.significance import OUTLIER
 
@@ -69,15 +70,16 @@ class Candidates:
 class Whitened:
     """The innovations (time, 3) of a channel along the axes of its prior, outliers held back, zero at gaps.
 
-    rotation (time, 3, 3): of the body, which these may turn with; signals (time, 3, column): what else may be
-    in them, in unknown amounts, as its innovations would be; loads (time, 3, column): what the prior takes it
-    for; seen: samples that are not gaps.
+    rotation (time, 3, 3): of the body, which these may turn with; also (time, 3, column): what else the
+    channel may show, in unknown amounts, world axes; signals: as its innovations would be; loads: what the
+    prior takes it for; seen: samples that are not gaps.
     """
 
     channel: Channel
     prior: LoadPrior
     engine: Engine
     rotation: Array
+    also: Array
     innovation: Array
     signals: Array
     loads: Array
@@ -118,22 +120,21 @@ class Whitened:
 
     def beside(self, columns: slice) -> Whitened:
         """The same with some of the signals alone."""
-        return replace(self, signals=self.signals[..., columns], loads=self.loads[..., columns])
+        return replace(
+            self,
+            also=self.also[..., columns],
+            signals=self.signals[..., columns],
+            loads=self.loads[..., columns],
+        )
 
-    def amounts(self, std: float) -> tuple[Array, Array]:
-        """How much of each signal (column,) there is, and its covariance.
-
-        std: of the amounts, before the record is seen.
-        """
-        A = self.signals.reshape(-1, self.signals.shape[2])
-        cov = np.asarray(np.linalg.inv(A.T @ A + np.eye(len(A.T)) / std**2), float)
-        return cov @ (A.T @ self.innovation.ravel()), cov
+    def filtered(self, prior: LoadPrior) -> Filtered:
+        """The filter's pass under another prior, over the channel and then each of the signals."""
+        return self.engine.filter(*along_axes(self.channel, prior, self.also, self.rotation))
 
     def gained(self, std: float) -> tuple[float, Array, Array]:
         """Log-likelihood that signals gain of amounts normal with std; the amounts, and their covariance."""
-        A, (amount, cov) = self.signals.reshape(-1, self.signals.shape[2]), self.amounts(std)
-        more = self.evidence(amount) - self.evidence() - 0.5 * amount @ amount / std**2
-        more -= 0.5 * np.linalg.slogdet(np.eye(len(amount)) + std**2 * A.T @ A)[1]
+        amount, cov, volume = amounts(self.signals, self.innovation, std)
+        more = self.evidence(amount) - self.evidence() - 0.5 * amount @ amount / std**2 - volume
         return min(float(more), MOST_GAINED), amount, cov
 
     def evidence(self, amounts: ArrayLike = ()) -> float:
@@ -176,24 +177,47 @@ def whitened(
     part = replace(
         channel, time=channel.time[run], z=channel.z[run], noise_cov=cov[run] if cov.ndim == 3 else cov
     )
-    axes, model = prior.axes, channel_model(part, prior, turned)
-    model = replace(model, H=axes.T @ model.H, R=axes.T @ model.R @ axes)
-    z = part.moved[:, None] @ axes
-    if beside is None:
-        v, loads = engine.filter(model, z).innovation, np.zeros((len(part.time), 3, 0))
+    also = np.zeros((len(part.time), 3, 0)) if beside is None else beside[run] - beside[run][:1]
+    return whitened_part(part, prior, engine, also, turned)
+
+
+def whitened_part(channel: Channel, prior: LoadPrior, engine: Engine, also: Array, turned: Array) -> Whitened:
+    """A whole channel under its prior, beside what it may also show (time, 3, column)."""
+    model, z = along_axes(channel, prior, also, turned)
+    if not also.size:
+        v, loads = engine.filter(model, z).innovation, np.zeros((len(also), 3, 0))
     else:
-        gaps = np.where(np.isfinite(part.z), 0.0, np.nan)[:, None]
-        also = np.moveaxis(beside[run] - beside[run][:1], 2, 1) @ axes + gaps
-        filtered, states = engine.filter_and_smooth_states(model, np.concatenate([z, also], 1))
-        rows = axes.T @ prior.rows
+        filtered, states = engine.filter_and_smooth_states(model, z)
+        rows = prior.axes.T @ prior.rows
         v, loads = filtered.innovation, np.moveaxis(states[:, 1:, : prior.states] @ rows.T, 1, 2)
     if prior.body_axes is not None:  # innovations of white noise stay as white along axes that turn
         along = prior.axes_along(turned)
         v, loads = (a @ along if a is v else along.mT @ a for a in (v, loads))
     seen = np.asarray(np.isfinite(v[:, 0]).all(1))
     v = np.where(seen[:, None, None], v, 0.0)
-    own = np.clip(v[:, 0], -OUTLIER, OUTLIER)
-    return Whitened(part, prior, engine, turned, own, np.moveaxis(v[:, 1:], 1, 2), loads, int(seen.sum()))
+    own, signals = np.clip(v[:, 0], -OUTLIER, OUTLIER), np.moveaxis(v[:, 1:], 1, 2)
+    return Whitened(channel, prior, engine, turned, also, own, signals, loads, int(seen.sum()))
+
+
+def along_axes(channel: Channel, prior: LoadPrior, also: Array, turned: Array) -> tuple[StateSpace, Array]:
+    """The model of a channel along the axes of its prior, and as its signals (time, 1 + column, 3) what was
+    measured and what it may also show.
+    """
+    axes, model = prior.axes, channel_model(channel, prior, turned)
+    model = replace(model, H=axes.T @ model.H, R=axes.T @ model.R @ axes)
+    gaps = np.where(np.isfinite(channel.z), 0.0, np.nan)[:, None]
+    return model, np.concatenate([channel.moved[:, None] @ axes, np.moveaxis(also, 2, 1) @ axes + gaps], 1)
+
+
+def amounts(signals: Array, innovation: Array, std: float) -> tuple[Array, Array, float]:
+    """How much of each signal (time, 3, column) innovations (time, 3) hold: (column,), and its covariance.
+
+    std: of the amounts, before the record is seen. And half the logarithm by which seeing them narrows them.
+    """
+    A = signals.reshape(-1, signals.shape[2])
+    told = A.T @ A + np.eye(len(A.T)) / std**2
+    cov = np.asarray(np.linalg.inv(told), float)
+    return cov @ (A.T @ innovation.ravel()), cov, 0.5 * float(np.linalg.slogdet(std**2 * told)[1])
 
 
 def candidates(frequency: Array, count: Array, noise: Array, own: Array) -> Candidates:
