@@ -81,21 +81,22 @@ def evidence_of_wrong(look: Whitened, std: float, size: float) -> tuple[float, A
     With and without them the load may be of any size up to the one found, and its mean as well: what passed
     for a load leaves less of it. Each size is half of the last, as long as the likelihood with amounts rises.
     """
-    none, each = [], []
+    none: list[float] = []
+    each: list[tuple[float, Array, Array]] = []
     for mean_too in (False, True):
-        last = -np.inf
+        highest = -np.inf
         for share in 0.5 ** np.arange(mean_too, SIZES):
             prior = look.prior.scaled(share, size * share**mean_too)
             one = look.filtered(prior)
             v = np.nan_to_num(one.innovation)
             own, signals = np.clip(v[:, 0], -OUTLIER, OUTLIER), np.moveaxis(v[:, 1:], 1, 2)
             amount, cov, volume = amounts(signals, own, std)
-            more = 0.5 * amount @ np.linalg.solve(cov, amount) - volume
+            more = 0.5 * float(amount @ np.linalg.solve(cov, amount)) - volume
             none.append(float(one.log_likelihood[0]))
             each.append((none[-1] + more, amount, cov))
-            if not each[-1][0] > last + TENTH:
+            if not each[-1][0] > highest + TENTH:
                 break
-            last = each[-1][0]
+            highest = each[-1][0]
     _, amount, cov = max(each, key=lambda one: one[0])
     gained = float(np.logaddexp.reduce([one[0] for one in each]) - np.logaddexp.reduce(none))
     return min(gained, MOST_GAINED), amount, cov
