@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import digamma, gammaln
+from scipy.special import chdtri, digamma, gammaln
 
 from forceid.flight.color import Color, Colored, LowPassed, autocorrelation
 from forceid.kalman.tuning.robust import runs
 from forceid.records import Array
 from forceid.rounding import SINGLE
-from forceid.significance import HANN, NUMBER, PATIENCE, SIGMAS, TENTH, WILD
+from forceid.significance import CHANCE, HANN, NUMBER, PATIENCE, SIGMAS, TENTH, WILD
 
 COLORS = (1, 2)  # orders of errors with a memory: walks
 FILTERS = (2, 4)  # orders of filters at the source: Butterworth, both ways
@@ -128,7 +128,8 @@ def marker_errors(time: Array, y: Array) -> MarkerErrors | None:
         spectrum, waves, std = shape[told], waves[told], float(np.sqrt(mean.mean()))
     alike, lowest = waves / np.sqrt(spectrum)[:, None], int(2 * y.shape[1] / HANN)
     octaves = lowest * 2 ** np.arange(max(int(np.log2(max(len(waves) / lowest, 1.0))), 0) + 1)
-    uneven = max(unevenness(alike[first:last]) for first, last in pairwise((0, *octaves.tolist())))
+    parts = [alike[first:last] for first, last in pairwise((0, *octaves.tolist()))]
+    uneven = max(unevenness(part, CHANCE / len(parts)) for part in parts)
     return MarkerErrors(std, found, float(np.sqrt(2 / (n * count))), uneven, kurtosis, loud)
 
 
@@ -159,17 +160,21 @@ def low_passed(mean: Array, count: float, step: float) -> tuple[float, LowPassed
     return best
 
 
-def unevenness(waves: NDArray[np.complexfloating[Any, Any]]) -> float:
-    """Arithmetic over geometric mean of the variances along the axes of waves (bin, freedom), over chance's.
+def unevenness(waves: NDArray[np.complexfloating[Any, Any]], chance: float) -> float:
+    """Arithmetic over geometric mean of the variances along the axes of waves (bin, freedom).
 
-    One for errors that are alike. Source: the test of sphericity, Mauchly (1940).
+    Over what these are on the mean of errors that are alike; one where such errors are as uneven in more than
+    a share `chance` of records. Source: the test of sphericity, Mauchly (1940), as Bartlett corrects it.
     """
     m, dof = waves.shape[1], 2 * HANN * len(waves)
     size = np.linalg.eigvalsh((waves.conj().T @ waves).real)
     if dof <= m or size[0] <= 0:
         return np.inf
-    chance = float(np.mean(digamma(0.5 * (dof - np.arange(m)))) - np.log(0.5 * dof))
-    return float(np.exp(np.log(size.mean()) - np.log(size).mean() + chance))
+    apart = float(np.log(size.mean()) - np.log(size).mean())
+    test = (m * dof - (2 * m**2 + m + 2) / 6) * apart
+    if test < chdtri(m * (m + 1) / 2 - 1, chance):
+        return 1.0
+    return float(np.exp(apart + np.mean(digamma(0.5 * (dof - np.arange(m)))) - np.log(0.5 * dof)))
 
 
 def tapered_spectrum(correlation: Array, shown: Array) -> Array:
