@@ -216,8 +216,8 @@ def may_turn_inside(kin: Kinematics) -> bool:
     return not len(kin.shapes) and not marked
 
 
-def markers_beside_pose(kin: Kinematics, looks: Mapping[str, Whitened]) -> tuple[Array, int] | None:
-    """What markers show beside the pose of a body taken as rigid, (time, column) m, and of how many freedoms.
+def markers_beside_pose(kin: Kinematics, looks: Mapping[str, Whitened]) -> ringing_body.Shape | None:
+    """What markers show beside the pose of a body taken as rigid.
 
     None where shapes follow it, tracks were low-passed, or not every frame of the channels shows it.
     """
@@ -229,7 +229,7 @@ def markers_beside_pose(kin: Kinematics, looks: Mapping[str, Whitened]) -> tuple
     freedoms = y.shape[1] - POSE
     if freedoms <= 0 or not np.array_equal(time, looks["moment"].channel.time) or not np.isfinite(y).all():
         return None
-    return y, freedoms
+    return ringing_body.Shape(y, freedoms, kin.memory)
 
 
 def channels_on_every_axis(problem: Problem) -> dict[str, Channel]:

@@ -43,6 +43,19 @@ class Spectrum:
 
 
 @dataclass(frozen=True)
+class Shape:
+    """What markers show beside their pose (time, column) m, at the times of the channels.
+
+    freedoms: as many columns as no pose fits away; color: of the errors of a marker, which those that all
+    markers share have no part in.
+    """
+
+    residual: Array
+    freedoms: int
+    color: Color | None
+
+
+@dataclass(frozen=True)
 class Ringing:
     """Loads that ring with a body, as far as a record does not rule them out, and how clearly it shows them.
 
@@ -100,19 +113,16 @@ def allow_for_ringing_body(
     return found, (note("body-rings", frequency_hz=found.at, force=force, moment=moment),)
 
 
-def ringing(looks: Mapping[str, Whitened], shape: tuple[Array, int] | None = None) -> Ringing | None:
+def ringing(looks: Mapping[str, Whitened], shape: Shape | None = None) -> Ringing | None:
     """Loads that ring, from where some load is not followed any more up to half of what samples show.
 
-    shape: what the markers show beside their pose at the times of the channels (time, column) m, and as many
-    columns as no pose fits away; None where that is not known, so that no body is seen to ring.
+    Where the shape is not known, no body is seen to ring.
     """
     rung = ringing_alike([looks], [shape])
     return rung[0] if rung else None
 
 
-def ringing_alike(
-    each: Sequence[Mapping[str, Whitened]], shapes: Sequence[tuple[Array, int] | None]
-) -> list[Ringing]:
+def ringing_alike(each: Sequence[Mapping[str, Whitened]], shapes: Sequence[Shape | None]) -> list[Ringing]:
     """Loads that ring with each of several bodies, at one frequency with all of them, as what they pass to
     each other does; none where the loads of each are followed as far as samples show.
     """
@@ -149,9 +159,7 @@ class Resonance:
     line: Array
 
 
-def resonances(
-    looks: Mapping[str, Whitened], shape: tuple[Array, int] | None, frequencies: Array
-) -> Iterator[Resonance]:
+def resonances(looks: Mapping[str, Whitened], shape: Shape | None, frequencies: Array) -> Iterator[Resonance]:
     """Resonances at some frequencies (frequency,) Hz, of each damping."""
     time = looks["force"].channel.time
     span, ordinate = float(np.ptp(time)), ordinates_of(time)
@@ -161,7 +169,7 @@ def resonances(
         power = np.abs(np.fft.rfft(one.innovation, axis=0)[1:-1]) ** 2 / one.seen
         spectra[name] = Spectrum(power, noise / (noise + smooth), 1.0)
     if shape is not None:
-        spectra["shape"] = shape_spectrum(time, *shape, looks["force"].channel.color)
+        spectra["shape"] = shape_spectrum(time, shape)
     for f in frequencies.tolist():
         for damping in RING_DAMPINGS:
             width = damping * f + 0.25 / span  # Hz; no line is narrower than a record shows it
@@ -199,11 +207,11 @@ def by_size(spectrum: Spectrum, near: Indices, line: Array) -> Array:
     return np.asarray(gained.sum((1, 2)))
 
 
-def shape_spectrum(time: Array, residual: Array, freedoms: int, color: Color | None) -> Spectrum:
-    """Of what the markers show beside their pose, summed over its columns, over the size of their errors."""
-    y = residual - residual.mean(0)
+def shape_spectrum(time: Array, shape: Shape) -> Spectrum:
+    """Of a shape, summed over its columns, over the size of its errors."""
+    y = shape.residual - shape.residual.mean(0)
     most = OUTLIER * np.maximum(y.std(0), np.finfo(float).tiny)
     power = (np.abs(np.fft.rfft(np.clip(y, -most, most), axis=0)[1:-1]) ** 2).sum(1, keepdims=True)
-    if color is not None:
-        power = power / color.density(2 * np.pi * ordinates_of(time))[:, None]
-    return Spectrum(freedoms * power / power.mean(), np.ones_like(power), float(freedoms))
+    if shape.color is not None:
+        power = power / shape.color.density(2 * np.pi * ordinates_of(time))[:, None]
+    return Spectrum(shape.freedoms * power / power.mean(), np.ones_like(power), float(shape.freedoms))

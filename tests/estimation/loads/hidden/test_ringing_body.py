@@ -8,7 +8,13 @@ from evidence.drawn.records.joined_nets import joined_nets
 from forceid.config import Settings
 from forceid.estimation.joints.parts import parts_of
 from forceid.estimation.loads.hidden.inner_wheel import STRONG
-from forceid.estimation.loads.hidden.ringing_body import RINGING_SIZES, Spectrum, by_size, shape_spectrum
+from forceid.estimation.loads.hidden.ringing_body import (
+    RINGING_SIZES,
+    Shape,
+    Spectrum,
+    by_size,
+    shape_spectrum,
+)
 from forceid.estimation.run import estimate_whole
 
 SOFT, STIFF, NOISE = (6.0, 12.0), (400.0, 400.0), 3e-4
@@ -17,7 +23,7 @@ TIME, COLUMNS, FREEDOMS = np.arange(200) / 200.0, 27, 21
 
 def shape_gain(y, frequency):
     """What a resonance at a frequency gains of the shape, over all its sizes."""
-    spectrum = shape_spectrum(TIME, y, FREEDOMS, None)
+    spectrum = shape_spectrum(TIME, Shape(y, FREEDOMS, None))
     ordinate = np.fft.rfftfreq(len(TIME), TIME[1])[1:-1]
     near = np.flatnonzero(np.abs(ordinate - frequency) < 5)
     line = 1 / (1 + (ordinate[near] - frequency) ** 2)
