@@ -12,7 +12,7 @@ from forceid.estimation.body.deformation_residual import beyond_rigid
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.body.mass_center import tracked_mass_center, with_center, without_gaps
 from forceid.estimation.body.tracks.source_filter import source_filter, undone
-from forceid.estimation.body.tracks.spikes import clipped, spikes, wild_rates
+from forceid.estimation.body.tracks.spikes import clipped, off_the_shape, spikes, wild_rates
 from forceid.flight.color import LowPassed
 from forceid.flight.model import Flight
 from forceid.flight.smoother import FlightState
@@ -55,7 +55,7 @@ def prepared(body: Body, motion: Motion, kin: Kinematics | None) -> tuple[Motion
     kin: what the motion shows as it is, None of one that sensors alone tell.
     """
     motion, *filtered = (motion, None, None) if kin is None else before_filter(motion, kin)
-    motion, mended = cleaned(body, motion)
+    motion, mended = cleaned(body, motion, kin)
     return without_gaps(body, motion), replace(mended, source=filtered[0], left=filtered[1])
 
 
@@ -70,8 +70,10 @@ def before_filter(motion: Motion, kin: Kinematics) -> tuple[Motion, LowPassed | 
     return replace(motion, position=undone(motion.position, *found)), *found
 
 
-def cleaned(body: Body, motion: Motion) -> tuple[Motion, Mended]:
+def cleaned(body: Body, motion: Motion, kin: Kinematics | None = None) -> tuple[Motion, Mended]:
     """The motion with markers in their places and without spikes, and what was done about it.
+
+    kin: of a body that its markers show the shape of, None of others.
 
     >>> from forceid.records import Motion
     >>> cleaned(Body(), Motion(time=np.arange(3.0)))[1].exchanges
@@ -86,6 +88,9 @@ def cleaned(body: Body, motion: Motion) -> tuple[Motion, Mended]:
         names, first = tuple(sorted({body.node[t.channel] for t in traded})), motion.time[traded[0].sample]
         mended = replace(mended, exchanged=names, exchanges=len(traded) // 2, exchanged_s=float(first))
     off = spikes(position)
+    if kin is not None and kin.attitude:
+        shown = beyond_rigid(motion.time, np.where(off[..., None], np.nan, position), kin)
+        off[:, shown.kept] |= off_the_shape(shown.y, shown.basis)
     if off.any():
         position = np.where(off[..., None], np.nan, position)
         by_marker = {body.node[k]: int(off[:, k].sum()) for k in np.argsort(-off.sum(0)) if off[:, k].any()}

@@ -6,7 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from forceid.estimation.body.tracks.spikes import spikes
+from forceid.config import load_settings
+from forceid.estimation.body.deformation_residual import beyond_rigid
+from forceid.estimation.body.kinematics import kinematics
+from forceid.estimation.body.tracks.spikes import off_the_shape, spikes
+from forceid.records import Body, Motion
 
 NOISE = 3e-4
 
@@ -75,3 +79,33 @@ def test_too_few_markers_tell_nothing(markers):
     x = x[:, :markers]
     x[40:41] += 0.1
     assert not spikes(x).any()
+
+
+def beside_shape(x, X):
+    """Readings of markers (time, marker, 3) that leave a shape X (marker, 3) told with them."""
+    time = np.arange(len(x)) / 200.0
+    body = Body(tuple(f"m{k}" for k in range(len(X))), X, np.ones(len(X)))
+    kin = kinematics(body, Motion(time, x, noise_std={"position": NOISE}), load_settings(model="rigid"))
+    shown = beyond_rigid(time, x, kin)
+    return off_the_shape(shown.y, shown.basis)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(3, 12), st.floats(0.0, 1.0), st.integers(0, 1000))
+def test_a_body_that_keeps_its_shape_leaves_it_nowhere(markers, turn, seed):
+    X = np.random.default_rng(seed).uniform(-0.1, 0.1, (markers, 3))  # as `tumbling` draws it
+    assert not beside_shape(tumbling(markers, turn=turn, seed=seed)[0], X).any()
+
+
+def test_spikes_that_distances_do_not_show_leave_the_shape():
+    shown, named, count = 0, 0, 0
+    for seed in range(12):
+        x, rng = tumbling(8, seed=seed)
+        expected = np.zeros(x.shape[:2], bool)
+        expected[np.arange(8, 195, 11), rng.integers(8, size=17)] = True
+        step = rng.standard_normal((expected.sum(), 3))
+        x[expected] += 16 * NOISE * step / np.linalg.norm(step, axis=1, keepdims=True)
+        found = beside_shape(x, np.random.default_rng(seed).uniform(-0.1, 0.1, (8, 3)))
+        assert not (found & ~expected).any()
+        shown, named, count = shown + found.sum(), named + spikes(x).sum(), count + expected.sum()
+    assert shown > 0.9 * count > named

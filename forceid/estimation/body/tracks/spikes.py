@@ -12,6 +12,7 @@ from forceid.estimation.body.tracks.noise_axes import at_rest
 from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.records import Array, Flags
 from forceid.rounding import SOLVED
+from forceid.significance import WHOLE
 
 PARTNERS = 8  # markers whose distance is looked at, of each
 AROUND = (-3, -2, -1, 1, 2, 3)  # frames beside: a burst of up to two leaves their median alone
@@ -72,6 +73,54 @@ def spikes_once(position: Array) -> Flags:
     count = (np.nan_to_num(off) > 1.0).sum(2)
     found[np.ix_(at, ever)] = (count >= SEVERAL) & (count == count.max(1, keepdims=True))
     return found & seen
+
+
+def off_the_shape(y: Array, basis: Array) -> Flags:
+    """Readings (time, marker) of which what no rigid motion makes leaves that of the frames beside.
+
+    y (time, freedom) m, NaN in frames not whole; basis (3 marker, freedom) of it. Smaller spikes show
+    here than in two distances. A spike of one marker that would be as good a spike of another takes both
+    readings. Else as of `spikes`.
+    """
+    found = np.zeros((len(y), len(basis) // 3), bool)
+    whole = np.isfinite(y).all(1)
+    if len(AROUND) >= len(y) or not y.shape[1] or not whole.any():
+        return found
+    spans = [np.linalg.svd(rows, full_matrices=False) for rows in basis.reshape(-1, 3, basis.shape[1])]
+    each = np.stack([(size > SOLVED * size[0])[:, None] * along for _, size, along in spans])
+
+    def gains(left: Array) -> Array:
+        along = left @ each.reshape(-1, each.shape[2]).T
+        return np.asarray((along.reshape(len(left), *each.shape[:2]) ** 2).sum(2))
+
+    jump, wide = (y[k:-k] - 0.5 * (y[2 * k :] + y[: -2 * k]) for k in (1, 2))  # alike if white
+    some = slice(None, None, max(1, len(y) // CHANNEL_SAMPLES))
+    usual = NORMAL * max(median(np.abs(one[some]).reshape(1, -1, 1)).item() for one in (jump, wide))
+    usual = max(usual, SOLVED * float(np.nan_to_num(np.abs(y)).max()))
+    at = np.flatnonzero((gains(np.nan_to_num(jump)) > 0.5 * (FAR * usual) ** 2).any(1)) + 1
+    beside = at[:, None] + AROUND
+    known = (beside >= 0) & (beside < len(y)) & whole[beside.clip(0, len(y) - 1)]
+    # what moves leaves a median of one side
+    between = whole[at] & (known.reshape(len(at), 2, len(AROUND) // 2).sum(2) >= SEVERAL).all(1)
+    at, beside, known = at[between], beside[between], known[between]
+    if not len(at):
+        return found
+    near = np.where(known[..., None], y[beside.clip(0, len(y) - 1)], np.nan)
+    middle = median(near)
+    local = NORMAL * median(np.abs(near - middle[:, None]).reshape(len(at), -1, 1))
+    left, drops = (y[at] - middle) / np.maximum(local, usual), np.zeros(len(at))
+    for _ in range(min(DROPS, len(each))):
+        gain = gains(left)
+        worst = gain.argmax(1)
+        off = gain[np.arange(len(at)), worst] > FAR**2
+        if not off.any():
+            break
+        found[at[off]] |= gain[off] >= WHOLE * gain[off].max(1, keepdims=True)
+        drops += off
+        own = each[worst[off]]
+        left[off] -= np.einsum("tif,tig,tg->tf", own, own, left[off])
+    found[at[drops > max(FRAME_OFF * len(each), 1.0)]] = False
+    return found if found.sum() <= READINGS_OFF * whole.sum() * len(each) else np.zeros_like(found)
 
 
 def wild_rates(rate: Array) -> Flags:
