@@ -83,7 +83,7 @@ def off_the_shape(y: Array, basis: Array) -> Flags:
     readings. Else as of `spikes`.
     """
     found = np.zeros((len(y), len(basis) // 3), bool)
-    whole = np.isfinite(y).all(1)
+    whole = np.asarray(np.isfinite(y).all(1))
     if len(AROUND) >= len(y) or not y.shape[1] or not whole.any():
         return found
     spans = [np.linalg.svd(rows, full_matrices=False) for rows in basis.reshape(-1, 3, basis.shape[1])]
