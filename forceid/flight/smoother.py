@@ -86,19 +86,17 @@ def smooth_flight(
     engine: Engine,
     causal: bool = False,
     first: Reference | None = None,
-    near: float = SINGLE,
 ) -> FlightState:
     """Force, moment and mean motion of a flight, smoothed; or, if causal, filtered about the smoothed path.
 
-    first: a reference near to it, if one is known; near: as of `settled`. Raises EstimationError when it does
-    not come to rest.
+    first: a reference near to it, if one is known. Raises EstimationError when it does not come to rest.
     """
     if engine.name == "compiled":
         stiff = smooth_long(replace(flight, modes=None), force, moment, causal)
         if stiff is not None and flight.modes is None:
             return stiff
         first = first if stiff is None else stiff.reference  # near to where a flight that bends settles
-    model, z, about, _ = settled(flight, force, moment, engine, first, near)
+    model, z, about, _ = settled(flight, force, moment, engine, first)
     path = engine.smooth(model, z)
     return read_state(flight, about, path.filtered if causal else path, path.filtered, force, moment)
 
@@ -196,7 +194,9 @@ def settled(
         if steps == LOOK_AFTER and not attitude_seen:  # far is then what the sensors cannot tell
             var = np.diagonal(engine.smooth(model, z).P, axis1=1, axis2=2)[:, n : n + 3]
             rest = max(rest, TENTH * float(np.sqrt(var.max())))
-        if size < rest or (size < SETTLED and size > 0.5 * last):  # at rest, or moved by rounding alone
+        # at rest, or where the step to come, shorter by as much again, would be; or moved by rounding alone
+        to_come = size * min(size / last, 1.0) if attitude_seen and np.isfinite(last) else size
+        if to_come < rest or (size < SETTLED and size > 0.5 * last):
             break
     assert found is not None
     if size > max(SETTLED, swamped) and attitude_seen:

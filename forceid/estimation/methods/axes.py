@@ -23,7 +23,7 @@ from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.flight.model import seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.records import Array
-from forceid.significance import CHANCE, PATIENCE, THOUSANDTH
+from forceid.significance import CHANCE, PATIENCE
 from forceid.timing import stage
 
 LOADS = {"force": slice(0, 3), "moment": slice(3, 6)}  # of a wrench
@@ -153,4 +153,4 @@ def along(problem: Problem, priors: dict[str, LoadPrior]) -> Problem:
     problem, about = replace(problem, priors=problem.priors | priors), problem.state.reference
     assert about is not None
     about = about.under(priors["moment"]) if "moment" in priors else replace(about, force=None)
-    return replace(problem, state=problem.smoothed(problem.flight, about, THOUSANDTH))
+    return replace(problem, state=problem.smoothed(problem.flight, about))

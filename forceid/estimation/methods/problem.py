@@ -26,7 +26,6 @@ from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation, with_translation
 from forceid.kalman.engines import Engine
 from forceid.records import Array, Body, Finding, Flags, HiddenLoad, Impulses, ModalForces, Motion
-from forceid.rounding import SINGLE
 
 TO_COME: Any = None  # a stage fills it before another reads it
 
@@ -148,24 +147,21 @@ class Problem:
         """The problem with more findings of this pass."""
         return replace(self, notes=(*self.notes, *findings))
 
-    def smoothed(self, flight: Flight, first: Reference | None = None, near: float = SINGLE) -> FlightState:
-        """The state of a flight under the priors of its loads.
-
-        first: a reference near to it, if known; near: as of `settled`.
-        """
+    def smoothed(self, flight: Flight, first: Reference | None = None) -> FlightState:
+        """The state of a flight under the priors of its loads; first: a reference near to it, if known."""
         kin, force = self.kin, self.priors["force"]
         if not kin.attitude:
             return smooth_translation(flight, force, self.engine, self.causal)
         moment = self.priors["moment"]
         if not self.apart:
-            state = smooth_flight(flight, force, moment, self.engine, self.causal, first, near)
+            state = smooth_flight(flight, force, moment, self.engine, self.causal, first)
             return with_spin_rate(state, kin.spin, kin.inertia.line)
         carrier = None if first is None or force.body_axes is None else first.rotation
         free = smooth_translation(flight, force, self.engine, self.causal, carrier)
         turns: Flags = np.asarray(np.isfinite(flight.rotation).all((1, 2)))
         center = np.where(np.isfinite(flight.center), flight.center, free.center)
         beside = replace(flight, center=np.where(turns[:, None], center, np.nan))
-        state = smooth_flight(beside, force.plain(), moment, self.engine, self.causal, first, near)
+        state = smooth_flight(beside, force.plain(), moment, self.engine, self.causal, first)
         beyond = self.engine.log_likelihood(*seen_part(beside, force.plain()))
         state = replace(state, log_likelihood=state.log_likelihood - float(beyond) + free.log_likelihood)
         return with_spin_rate(with_translation(state, free), kin.spin, kin.inertia.line)
