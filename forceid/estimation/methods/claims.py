@@ -156,10 +156,9 @@ def allow_for_priors(problem: Problem) -> Problem:
     rivals = {name: look for name, look in looks.items() if (one := known[name]) is None or not one.whole}
     problem = replace(problem, rivals=Rivals(rivals, state))
     growth = Rivals(rivals, state).growth()
-    for name, (signals, std) in told.items():
-        own = looks[name].beside(slice(-signals.shape[2], None))
-        growth, said = body_told.allow_for_told(own, std, state, growth, name)
-        problem = problem.noting(*said)
+    shown = {load: (looks[load].beside(slice(-a.shape[2], None)), std) for load, (a, std) in told.items()}
+    growth, said = body_told.allow_for_told(shown, state, growth)
+    problem = problem.noting(*said)
     shape = markers_beside_pose(kin, looks)
     problem = replace(problem, looks=looks)
     if shape is not None and (ringing := ringing_body.ringing(looks, shape)) is not None:

@@ -10,6 +10,9 @@ Source: principal equations 2.4, 2.6.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
@@ -25,6 +28,8 @@ from forceid.significance import OUTLIER, SIGMAS, TENTH
 
 BALANCED = 0.01  # of the length of a body: as near its mass center is found by balancing it on an edge
 SIZES = 10  # of a load, each half of the last: to a thousandth
+OWN = {"force": slice(0, 3), "moment": slice(3, 6)}
+SAID = {"force": ("center-told", "N", 1e3), "moment": ("inertia-told", "N m", 100.0)}  # in mm, in percent
 SWUNG = 0.02  # of moments of inertia: as well they are known by swings of a body on wires
 
 
@@ -46,33 +51,62 @@ def by_inertia(time: Array, rotation: Array, omega: Array, inertia: Array) -> Ar
     return np.asarray(cumulative_trapezoid(np.stack(H, -1), time, axis=0, initial=0))
 
 
-def allow_for_told(
-    look: Whitened, std: float, state: FlightState, growth: Array, load: str
-) -> tuple[Array, tuple[Finding, ...]]:
-    """Growth ([time,] 6, 6) of claimed errors that allows for a body told wrong; a finding if that matters.
+@dataclass(frozen=True)
+class Wrong:
+    """A mass center, or an inertia, that may be told wrong, and the load that it makes.
 
-    look: at the channel of a load beside what a wrong body makes; std: of that, before the record is seen.
+    gained: log-likelihood that the record gains by it; amounts (column,) of what is wrong; off (3,): rms of
+    what is then wrong with the load, along `axes` ([time,] 3, 3) of its prior, and claimed (3,) without it.
     """
-    own, edge = slice(0, 3) if load == "force" else slice(3, 6), len(look.loads) // 8
-    axes, made = look.prior.axes_along(state.rotation), look.loads[edge : len(look.loads) - edge]
-    claimed = np.sqrt(claimed_along(axes, grown(state, growth).wrench_cov[:, own, own]))
-    if not SIGMAS * std * np.sqrt(np.mean((made**2).sum(2), axis=0) / claimed**2).max() > TENTH:
-        return growth, ()
-    more, wrong, cov = evidence_of_wrong(look, std, length(state.force if load == "force" else state.moment))
-    off = np.sqrt(
-        np.mean((made @ wrong) ** 2 + np.einsum("tah,hk,tak->ta", made, cov, made, optimize=True), axis=0)
-    )
-    odds = np.exp(more)
-    further = np.tile(np.eye(6), (*axes.shape[:-2], 1, 1))
-    further[..., own, own] = axes * np.sqrt(1 + odds / (1 + odds) * (off / claimed) ** 2) @ axes.mT
-    growth = np.asarray(further @ growth)
-    if not odds * (off / claimed).max() ** 2 > SIGMAS**2 * (1 + odds):
-        return growth, ()
-    size, unit = float(np.linalg.norm(off)), "N" if load == "force" else "N m"
-    code = "center-told" if load == "force" else "inertia-told"
-    amount = float(np.linalg.norm(wrong)) * (1e3 if load == "force" else 100.0)
-    found = length(state.force if load == "force" else state.moment)
-    return growth, (note(code, amount=amount, made=size, found=found, unit=unit),)
+
+    load: str
+    gained: float
+    amounts: Array
+    off: Array
+    claimed: Array
+    axes: Array
+
+
+def wrongs(told: Mapping[str, tuple[Whitened, float]], state: FlightState, growth: Array) -> Iterator[Wrong]:
+    """What may be told wrong and would matter, of each load.
+
+    told: by load, its channel beside what a wrong body makes, and the size of that before the record is seen.
+    """
+    for load, (look, std) in told.items():
+        own, edge = OWN[load], len(look.loads) // 8
+        axes, made = look.prior.axes_along(state.rotation), look.loads[edge : len(look.loads) - edge]
+        claimed = np.sqrt(claimed_along(axes, grown(state, growth).wrench_cov[:, own, own]))
+        if not SIGMAS * std * np.sqrt(np.mean((made**2).sum(2), axis=0) / claimed**2).max() > TENTH:
+            continue
+        gained, amount, cov = evidence_of_wrong(look, std, found_of(state, load))
+        square = (made @ amount) ** 2 + np.einsum("tah,hk,tak->ta", made, cov, made, optimize=True)
+        yield Wrong(load, gained, amount, np.sqrt(np.mean(square, axis=0)), claimed, axes)
+
+
+def allow_for_told(
+    told: Mapping[str, tuple[Whitened, float]], state: FlightState, growth: Array
+) -> tuple[Array, tuple[Finding, ...]]:
+    """Growth ([time,] 6, 6) of claimed errors that allows for a body told wrong; findings where that matters.
+
+    told: as of `wrongs`. Who measured the one badly did the other: force and moment are one evidence.
+    """
+    each, said = list(wrongs(told, state, growth)), []
+    odds = np.exp(min(sum(one.gained for one in each), MOST_GAINED))
+    for one in each:
+        ratio = odds / (1 + odds) * (one.off / one.claimed) ** 2
+        further = np.tile(np.eye(6), (*one.axes.shape[:-2], 1, 1))
+        further[..., OWN[one.load], OWN[one.load]] = one.axes * np.sqrt(1 + ratio) @ one.axes.mT
+        growth = np.asarray(further @ growth)
+        if ratio.max() > SIGMAS**2:
+            code, unit, scale = SAID[one.load]
+            amount, made = scale * float(np.linalg.norm(one.amounts)), float(np.linalg.norm(one.off))
+            said.append(note(code, amount=amount, made=made, found=found_of(state, one.load), unit=unit))
+    return growth, tuple(said)
+
+
+def found_of(state: FlightState, load: str) -> float:
+    """The rms length of a load that was found."""
+    return length(state.force if load == "force" else state.moment)
 
 
 def evidence_of_wrong(look: Whitened, std: float, size: float) -> tuple[float, Array, Array]:
