@@ -17,7 +17,7 @@ along an axis of the body, it is weighed by the exact likelihood of the channel 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -29,6 +29,7 @@ from forceid.flight.priors.matern import UNTOLD_ORDER, Matern
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.tuning import LEAK
 from forceid.records import Array, Flags
+from forceid.rounding import SINGLE
 from forceid.significance import CHANCE, PATIENCE, SIGMAS
 
 MEANS = 48  # stretches of a record: at the most cycles below, eight to each
@@ -36,6 +37,7 @@ MOST_CYCLES = MEANS / 8  # in a record, above which its spectrum tells a load
 SLOW_RATES = 6  # candidates, about two to an octave of those that a record of few cycles tells apart
 NEXT_SIZE = 10**0.5  # from one size to the next, in power: a fifth of a log-likelihood at its top
 CORRELATED_AT = 4 * MEANS  # lags at which the correlation of a load is worked out
+HARDLY = 0.4  # rad that a body turns within a mean: it takes less than a percent from what turns with it
 TIMES = 2.0  # from one size of a load to the next: a sigma or two of what a likelihood tells of it
 SIZES = 10  # of them at most: the last is five hundred times the first
 CYCLES = (
@@ -157,11 +159,38 @@ def twice_integrated(time: Array) -> Array:
     return second
 
 
+def thinned(found: Whitened) -> Whitened:
+    """A channel as means over samples within which body and loads hardly turn or change; as it is where few.
+
+    Errors that follow each other stay as they are.
+    """
+    channel, R = found.channel, found.rotation
+    step = float(np.median(np.diff(channel.time)))
+    turn = np.arccos(np.clip((np.einsum("tab,tab->t", R[1:], R[:-1]) - 1) / 2, -1, 1)).max(initial=0.0)
+    fastest = max(float(turn), step * float(found.prior.kernel.rate.max()))
+    each = min(int(HARDLY / fastest), len(R) // (MEANS + 1)) if fastest > 0 else len(R) // (MEANS + 1)
+    each -= 1 - each % 2  # odd: the middle one is where the mean is
+    even = np.ptp(np.diff(channel.time)) < SINGLE * step
+    if each < 3 or channel.color is not None or found.prior.lines or not even:
+        return found
+    whole = slice(0, len(R) // each * each)
+
+    def means(a: Array) -> Array:
+        return a[whole].reshape(-1, each, *a.shape[1:]).mean(1)
+
+    cov = channel.noise_cov
+    cov = (means(cov) if cov.ndim == 3 else cov) / each
+    middle = slice(each // 2, whole.stop, each)
+    part = replace(channel, time=channel.time[middle], z=means(channel.z), noise_cov=cov)
+    return replace(found, channel=part, rotation=R[middle])
+
+
 def slow_turning_growth(found: Whitened, claimed: Array, slow: Flags) -> Array:
     """Factors (axis,), one at least, on the claimed deviations of loads along the axes that are `slow`.
 
     claimed (axis,): variances.
     """
+    found = thinned(found)
     prior, growth, span = found.prior, np.ones(3), float(np.ptp(found.channel.time))
     edge = len(found.channel.time) // 8
     inner = slice(edge, len(found.channel.time) - edge)
