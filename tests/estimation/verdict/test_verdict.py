@@ -36,7 +36,7 @@ from forceid.estimation.verdict.tracks import judge_mending
 from forceid.estimation.verdict.turns import told_by_moment
 from forceid.motion.free_rotation import largest_turn
 from forceid.principal.loads import solve_loads
-from forceid.records import Finding
+from forceid.records import Body, Finding
 
 TIME = cf.clock(400)
 
@@ -154,6 +154,19 @@ def test_markers_that_stand_elsewhere_than_on_the_body_are_said():
     (found,) = judge_reference(body, seen(replace(recording, body=body)))
     assert "leaves the reference shape" in found.text
     assert "/body/position" in found.text
+
+
+def test_an_affine_body_that_is_stretched_all_the_time_about_another_point_stands_where_it_should():
+    rng = np.random.default_rng(5)
+    X = rng.uniform(-0.1, 0.1, (8, 3))
+    body = Body(tuple("abcdefgh"), X, np.ones(8))
+    recording = cf.toss(body=body)
+    stretch = np.eye(3) + 0.2 * rng.standard_normal((3, 3))
+    shape = (X - X.mean(0)) @ stretch + [0.0, 0.01, 0.02]
+    kin = replace(seen(recording), model="affine", shape=shape)
+    assert judge_reference(body, kin) == []
+    shape[3] += [0.0, 0.05, 0.0]
+    assert len(judge_reference(body, replace(kin, shape=shape))) == 1
 
 
 @pytest.mark.parametrize("reference", [True, False], ids=["too", "not"])
