@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.model import Flight, Reference, seen_part
 from forceid.flight.priors.protocol import LoadPrior
@@ -79,6 +80,21 @@ def more_lines(
             observed = engine.filter(model, z).innovation
         found.append(more.lines)
     return Lines(*found)
+
+
+def beyond_rounding(lines: Lines, kin: Kinematics, most: float) -> Lines:
+    """Lines that move the body further than rounding, which moves each marker for itself by `most` m."""
+    if not most:
+        return lines
+    most /= np.sqrt(kin.seen.sum())
+    arm = float(np.sqrt((kin.shape[kin.seen] ** 2).sum(1).mean()))
+    heavy = {"force": kin.inertia.mass, "moment": np.linalg.eigvalsh(kin.inertia.tensor).max() / arm}
+
+    def kept(load: str, each: tuple[Line, ...]) -> tuple[Line, ...]:
+        loads = (most * heavy[load] * (2 * np.pi * line.frequency) ** 2 for line in each)
+        return tuple(line for line, least in zip(each, loads, strict=True) if np.sqrt(2) * line.std > least)
+
+    return Lines(kept("force", lines.force), kept("moment", lines.moment))
 
 
 def with_line(

@@ -34,6 +34,7 @@ from forceid.estimation.verdict.tracks import judge_rejected, judge_wild
 from forceid.flight.channels import Channel
 from forceid.flight.vibration import ModeState
 from forceid.records import Array
+from forceid.significance import TENTH
 
 POSE = 6  # freedoms of a pose
 
@@ -159,7 +160,9 @@ def allow_for_priors(problem: Problem) -> Problem:
     shown = {load: (looks[load].beside(slice(-a.shape[2], None)), std) for load, (a, std) in told.items()}
     growth, said = body_told.allow_for_told(shown, state, growth)
     problem = problem.noting(*said)
-    shape = markers_beside_pose(kin, looks)
+    # the saw teeth of rounding would pass for a shape that rings
+    rounded = problem.rounding > TENTH * kin.noise.get("position", np.inf)
+    shape = None if rounded else markers_beside_pose(kin, looks)
     problem = replace(problem, looks=looks)
     if shape is not None and (ringing := ringing_body.ringing(looks, shape)) is not None:
         ringing, said = ringing_body.allow_for_ringing_body(looks, ringing, state, growth)

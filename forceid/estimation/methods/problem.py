@@ -14,6 +14,7 @@ from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.spin import with_spin_rate
 from forceid.estimation.body.tracks.marker_errors import MarkerErrors
+from forceid.estimation.body.tracks.spikes import rounding_line
 from forceid.estimation.loads.channels import DrivenMotion, driven_motion
 from forceid.estimation.loads.hidden.order_uncertainty import Rivals
 from forceid.estimation.loads.hidden.ringing_body import Ringing
@@ -108,6 +109,12 @@ class Problem:
     def source(self) -> str:
         """The variable that shows where the body is."""
         return "position" if self.motion.position is not None else "center"
+
+    @property
+    def rounding(self) -> float:
+        """Amplitude (m) that rounding gives to one frequency of the track of a marker, at most."""
+        position = self.motion.position
+        return 0.0 if position is None else rounding_line(position, self.kin.noise["position"])
 
     @property
     def apart(self) -> bool:

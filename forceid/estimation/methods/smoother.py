@@ -14,7 +14,7 @@ from forceid.estimation.instruments.on_flight import fused
 from forceid.estimation.instruments.strain_gauges import with_strain_gauges
 from forceid.estimation.loads.channels import DrivenMotion, flight_of
 from forceid.estimation.loads.fused_tuning import by_the_flight
-from forceid.estimation.loads.lines import Lines, more_lines
+from forceid.estimation.loads.lines import Lines, beyond_rounding, more_lines
 from forceid.estimation.methods.axes import choose_axes
 from forceid.estimation.methods.claims import (
     allow_for_axes,
@@ -108,6 +108,8 @@ def beside_more_lines(problem: Problem, harmonics: Collection[str]) -> Problem:
     searched = {"force": priors["force"]} if len(kin.shapes) and kin.unfollowed.any() else priors
     asked = () if isinstance(settings.lines, str) else settings.lines
     more: Lines = more_lines(problem.flight, problem.state, searched, problem.engine, asked, harmonics)
+    if problem.rounding and not asked:
+        more = beyond_rounding(more, kin, problem.rounding)
     if not len(problem.lines) < len(more) <= 6 * AT_ONCE:  # as many as one look may find of each component
         return problem
     return replace(problem, lines=more, near=problem.apiece)

@@ -136,14 +136,16 @@ def ringing_alike(each: Sequence[Mapping[str, Whitened]], shapes: Sequence[Shape
         return []
     frequencies = np.exp(np.arange(np.log(slowest), np.log(fastest), NEXT_RING))
     tried = [list(resonances(looks, shape, frequencies)) for looks, shape in zip(each, shapes, strict=True)]
-    evidence = np.sum([[sum(one.gains.values()) for one in found] for found in tried], axis=0)
+    evidence = np.sum([[sum(one.gains.values()) for one in body] for body in tried], axis=0)
     weight = np.exp(evidence - np.logaddexp.reduce(evidence))
-    # a load alone may oscillate: the body is seen to ring where its shape does
-    rings = [[one.gains.get("shape", 0.0) > 0 for one in found] for found in tried]
-    return [
-        rung(looks, found, weight, np.where(seen, evidence, -np.inf))
-        for looks, found, seen in zip(each, tried, rings, strict=True)
-    ]
+    # a load alone may oscillate: the body is seen to ring where its shape does, at the frequency of the loads
+    found = []
+    for looks, each_tried in zip(each, tried, strict=True):
+        own = np.array([one.gains.get("shape", 0.0) for one in each_tried])
+        gained = np.logaddexp.reduce(evidence) - np.logaddexp.reduce(evidence - own)
+        seen = (own > 0) & (gained > np.log(STRONG))
+        found.append(rung(looks, each_tried, weight, np.where(seen, evidence, -np.inf)))
+    return found
 
 
 @dataclass(frozen=True)

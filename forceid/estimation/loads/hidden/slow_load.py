@@ -176,7 +176,7 @@ def thinned(found: Whitened) -> Whitened:
     whole = slice(0, len(R) // each * each)
 
     def means(a: Array) -> Array:
-        return a[whole].reshape(-1, each, *a.shape[1:]).mean(1)
+        return np.asarray(a[whole].reshape(-1, each, *a.shape[1:]).mean(1))
 
     cov = channel.noise_cov
     cov = (means(cov) if cov.ndim == 3 else cov) / each
