@@ -13,11 +13,12 @@ from forceid.estimation.body.deformation_residual import beyond_rigid
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.innovations import NIS_BAND
-from forceid.records import Body, Finding
+from forceid.records import Array, Body, Finding
 from forceid.rounding import SINGLE
 from forceid.significance import WILD
 
 ELSEWHERE = 0.05  # of the size of a body, by which a mean shape may leave its reference
+STRETCHES = 8  # of a record, whose means tell their scatter to a quarter
 AGREE = 0.85  # chi-square per degree of freedom of a shape quieter than stated
 AIRY = 1e-5  # kg/m3 in a cube of the length of the body; the long wires of a satellite come near
 
@@ -36,9 +37,19 @@ def judge_reference(body: Body, kin: Kinematics) -> list[Finding]:
     off = np.linalg.norm(kin.shape - there, axis=1) * kin.seen
     size = float(np.sqrt((X[kin.seen] ** 2).sum(1).mean()))
     k = int(off.argmax())
-    if off[k] < ELSEWHERE * size:
+    if off[k] < max(ELSEWHERE * size, WILD * unsure(kin)[k]):
         return []
     return [note("reference-differs", off_mm=1e3 * off[k], marker=body.node[k], size_mm=1e3 * size)]
+
+
+def unsure(kin: Kinematics) -> Array:
+    """Standard deviation (node,) m of the place of a marker in the mean shape, as stretches of it differ."""
+    y = kin.pose.residual
+    whole = y[np.isfinite(y[:, kin.seen]).all((1, 2))]
+    if len(whole) < STRETCHES:
+        return np.zeros(y.shape[1])
+    means = np.stack([part.mean(0) for part in np.array_split(np.nan_to_num(whole), STRETCHES)])
+    return np.asarray(np.sqrt(means.var(0, ddof=1).sum(1) / STRETCHES))
 
 
 def judge_size(kin: Kinematics) -> list[Finding]:
