@@ -4,8 +4,8 @@ Markers show R J omega. With a momentum h inside, in body axes, that changes by 
 any moment from outside does. The torque h' of what spins a wheel up is a moment like any other; a constant h
 leaves a pattern that the motion fixes, and the record is more or less likely with it. So does a force that
 acts at a point which stands still, in the body or beside it: the foot of a top turns it as a wheel would that
-takes its momentum away. Beforehand a wheel is as likely as none, and where there is none, a force at a point
-in the body, at one beside it, and at neither.
+takes its momentum away. So does a moment that keeps to the body, of fins or a thrust, where the spin is steady.
+Beforehand a wheel is as likely as none, and where there is none, each of these as likely as none of them.
 
 Wheels are in the claim, weighed by their odds. One that takes the moment beyond its claim is said, unless the
 record excludes it, and is in the claim as if it were there. The verdict is degraded where a record shows it,
@@ -47,13 +47,13 @@ class Wheel:
 
 
 def signals(time: Array, rotation: Array, force: Array) -> Array:
-    """What the channel of a moment (time, 3, 9) sees of a momentum inside, and of the force at a point.
+    """What the channel of a moment (time, 3, 12) sees of a momentum inside, and of its rivals.
 
-    Of each unit: a momentum along the axes of the body; a lever along these, and along those of the world.
-    force (time, 3) N, world axes.
+    Of each unit: a momentum along the axes of the body; a moment along these; a lever of the force along
+    these, and along those of the world. force (time, 3) N, world axes.
     """
     levers = np.concatenate([rotation, np.tile(np.eye(3), (len(time), 1, 1))], 2)
-    moment = np.cross(levers, force[:, :, None], axis=1)
+    moment = np.concatenate([rotation, np.cross(levers, force[:, :, None], axis=1)], 2)
     pushed = cumulative_trapezoid(moment, time, axis=0, initial=0)
     moved = -cumulative_trapezoid(rotation, time, axis=0, initial=0)
     return np.concatenate([moved, cumulative_trapezoid(pushed, time, axis=0, initial=0)], 2)
@@ -70,11 +70,10 @@ def allow_for_wheels(
     edge, axes = len(state.wrench_cov) // 8, look.prior.axes_along(state.rotation)
     inner = slice(edge, len(state.wrench_cov) - edge)
     claimed = np.sqrt(claimed_along(axes, grown(state, growth).wrench_cov[:, 3:, 3:]))
-    wheel, *points = (look.beside(slice(k, k + 3)) for k in (0, 3, 6))
+    wheel, turning, *points = (look.beside(slice(k, k + 3)) for k in (0, 3, 6, 9))
     found = wheels(wheel, length(state.H) / np.sqrt(3), TENTH * float(np.linalg.norm(claimed)))
-    without = (
-        1.0 if weightless else float(np.mean([1.0, *(np.exp(point.gained(arm)[0]) for point in points)]))
-    )
+    rivals = [(turning, length(state.moment)), *((point, arm) for point in points if not weightless)]
+    without = float(np.mean([1.0, *(np.exp(rival.gained(size)[0]) for rival, size in rivals if size)]))
     total = without + sum(wheel.odds for wheel in found)
     beyond = [wheel for wheel in found if (wheel.off > SIGMAS * claimed).any()]
     odds = sum(wheel.odds for wheel in beyond)
