@@ -4,8 +4,9 @@ Markers show R J omega. With a momentum h inside, in body axes, that changes by 
 any moment from outside does. The torque h' of what spins a wheel up is a moment like any other; a constant h
 leaves a pattern that the motion fixes, and the record is more or less likely with it. So does a force that
 acts at a point which stands still, in the body or beside it: the foot of a top turns it as a wheel would that
-takes its momentum away. So does a moment that keeps to the body, of fins or a thrust, where the spin is steady.
-Beforehand a wheel is as likely as none, and where there is none, each of these as likely as none of them.
+takes its momentum away. So does a moment that keeps to the body, of fins or a thrust, where the spin is
+steady. Beforehand a wheel is as likely as none, and where there is none, each of these as likely as none of
+them.
 
 Wheels are in the claim, weighed by their odds. One that takes the moment beyond its claim is said, unless the
 record excludes it, and is in the claim as if it were there. The verdict is degraded where a record shows it,
