@@ -96,7 +96,8 @@ def judge_common(kin: Kinematics) -> list[Finding]:
     Errors that all markers share move the center and leave the shape alone; only of a rigid body does the
     shape show what is left beside them.
     """
-    if len(kin.shapes) or not kin.attitude or not kin.stated.get("position", False):
+    counted = kin.shared is not None  # the errors that all markers share are part of the claim then
+    if counted or len(kin.shapes) or not kin.attitude or not kin.stated.get("position", False):
         return []
     dof = kin.pose.dof > 0
     count = float(kin.pose.dof[dof].sum())
