@@ -17,6 +17,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from forceid.estimation.body.inertia import Inertia
+from forceid.estimation.loads.hidden.inner_wheel import STRONG
 from forceid.estimation.loads.hidden.order_uncertainty import claimed_along, grown
 from forceid.estimation.loads.hidden.whitened import MOST_GAINED, Whitened, amounts
 from forceid.estimation.verdict.body_errors import SYMMETRIC
@@ -88,11 +89,12 @@ def allow_for_told(
 ) -> tuple[Array, tuple[Finding, ...]]:
     """Growth ([time,] 6, 6) of claimed errors that allows for a body told wrong; findings where that matters.
 
-    told: as of `wrongs`. Who measured the one badly did the other: force and moment are one evidence.
+    told: as of `wrongs`. Who is seen to have measured the one badly did the other, as far as that is open.
     """
     each, said = list(wrongs(told, state, growth)), []
-    odds = np.exp(min(sum(one.gained for one in each), MOST_GAINED))
+    best = max((one.gained for one in each), default=0.0)
     for one in each:
+        odds = np.exp(best if best > np.log(STRONG) else one.gained)
         ratio = odds / (1 + odds) * (one.off / one.claimed) ** 2
         further = np.tile(np.eye(6), (*one.axes.shape[:-2], 1, 1))
         further[..., OWN[one.load], OWN[one.load]] = one.axes * np.sqrt(1 + ratio) @ one.axes.mT
