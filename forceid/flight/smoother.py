@@ -152,12 +152,10 @@ def settled(
     moment: LoadPrior,
     engine: Engine,
     first: Reference | None = None,
-    near: float = SINGLE,
 ) -> tuple[StateSpace, Array, Reference, Reference]:
     """The flight linearized where it comes to rest, what it measures, that reference, and where it leads.
 
-    first: a reference near to it, if one is known; near: standard deviations of a measured rotation by which
-    the path may still be off. Raises EstimationError when it does not come to rest.
+    first: a reference near to it, if one is known. Raises EstimationError when it does not come to rest.
     Where sensors alone tell the rotation a step that leaves more to correct than there was is halved (the
     natural test of monotony: Deuflhard, Newton Methods for Nonlinear Problems, 3.3), and a path as near as it
     gets is taken: what is left of the way stands in the smoothed states.
@@ -168,7 +166,7 @@ def settled(
     attitude_seen = attitude_is_observed(flight)
     rest = float(np.sqrt(np.median(np.trace(flight.pose_cov[seen, 3:, 3:], axis1=1, axis2=2))))
     swamped = TENTH * rest  # by less the errors of what is measured are no larger
-    rest *= near if attitude_seen else TENTH
+    rest *= SINGLE if attitude_seen else TENTH
     lead = partial(led, flight, force, moment)
     found: tuple[StateSpace, Array, Reference, Array] | None = None
     size, share, steps = np.inf, 1.0, 0

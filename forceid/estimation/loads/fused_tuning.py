@@ -36,7 +36,7 @@ from forceid.flight.tuning import LEAK
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
-from forceid.significance import NUMBER, OUTLIER, PATIENCE, THOUSANDTH
+from forceid.significance import NUMBER, OUTLIER, PATIENCE
 
 MODELS_HELD = 3  # of each load, at hand: that of a point, and of steps from it along level and rate
 WANDER = 3.0 * 2.0 ** np.arange(12)  # over a record, in units of the noise of its mean
@@ -111,7 +111,7 @@ def tune_together(
 
     force, moment = force if alone else force.alike(), moment.alike()
     # a path that is off by less than that changes no likelihood
-    laid = partial(settled, engine=engine, near=THOUSANDTH)
+    laid = partial(settled, engine=engine)
     _, _, _, about = laid(flight, force, moment, first=first)
     flight, force, moment = searched(about)
     flight = wandering(

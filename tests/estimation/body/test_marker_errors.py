@@ -174,7 +174,7 @@ HEAVY = {
 @pytest.mark.parametrize("kind", HEAVY)
 def test_errors_that_are_not_normal_are_claimed_by_their_size(kind):
     over, said = [], []
-    for seed in range(5):
+    for seed in range(12):
         recording, force = of_cosines(seed, HEAVY[kind])
         found = estimate_recording(recording, load_settings())
         off = (found.force - force)[40:-40]
@@ -182,7 +182,7 @@ def test_errors_that_are_not_normal_are_claimed_by_their_size(kind):
         said.append(found.verdict.level)
     assert 0.6 < np.sqrt(np.mean(over)) < 1.4
     assert np.sqrt(np.max(over)) < 2.0
-    assert said.count("ok") >= {"a Student distribution of three": 4}.get(kind, 0)
+    assert said.count("ok") >= 10
 
 
 def test_a_deformation_that_ends_at_a_frequency_is_no_filter():

@@ -119,7 +119,9 @@ def off_the_shape(y: Array, basis: Array) -> Flags:
         drops += off
         own = each[worst[off]]
         left[off] -= np.einsum("tif,tig,tg->tf", own, own, left[off])
-    found[at[drops > max(FRAME_OFF * len(each), 1.0)]] = False
+    # where those that are left are off too, it is the frame
+    frame = (left**2).sum(1) > FAR**2 + np.maximum(y.shape[1] - 3 * drops, 0.0)
+    found[at[frame | (drops > max(FRAME_OFF * len(each), 1.0))]] = False
     return found if found.sum() <= READINGS_OFF * whole.sum() * len(each) else np.zeros_like(found)
 
 
