@@ -64,7 +64,8 @@ def before_filter(motion: Motion, kin: Kinematics) -> tuple[Motion, LowPassed | 
     if motion.position is None or motion.bridged is not None or not kin.attitude:
         return motion, None, None
     shown = np.where(kin.seen[:, None], motion.position, 0.0)
-    found = source_filter(motion.time, shown, lambda time, tracks: beyond_rigid(time, tracks, kin).y)
+    size = float(kin.shape[kin.seen].var(0).mean())
+    found = source_filter(motion.time, shown, lambda time, tracks: beyond_rigid(time, tracks, kin).y, size)
     if found is None:
         return motion, None, None
     return replace(motion, position=undone(motion.position, *found)), *found

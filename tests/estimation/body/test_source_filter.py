@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
+from evidence.subjects.flights.failures.noise import smoothed_before
 from forceid.config import load_settings
 from forceid.estimation.body.cleaning import before_filter
 from forceid.estimation.body.kinematics import kinematics
@@ -65,6 +66,16 @@ def test_the_filter_is_found_under_which_a_turning_body_is_rigid(order):
         assert source.order == order
         assert abs(source.cut / cut - 1) < 0.02
         assert left.cut > 1.5 * cut
+
+
+@pytest.mark.parametrize("cut", [7.0, 8.0, 9.0])
+def test_a_slower_filter_whose_undoing_leaves_only_noise_is_not_taken_for_the_true_one(cut):
+    recording = smoothed_before(cut, np.random.default_rng(int(cut))).recording
+    kin = kinematics(recording.body, recording.motion, load_settings())
+    _, source, _ = before_filter(recording.motion, kin)
+    assert source is not None
+    assert source.order == 4
+    assert abs(source.cut / cut - 1) < 0.1  # eight waves of the cut in the record; the slower one is at 0.35
 
 
 def test_no_filter_is_found_in_raw_tracks_and_in_those_whose_errors_remember():

@@ -58,11 +58,14 @@ class Fit:
 Rest = Callable[[Array, Array], Array]  # of tracks (time, node, 3) at times: (time, number) that is not rigid
 
 
-def source_filter(time: Array, position: Array, rest: Rest) -> tuple[LowPassed, LowPassed] | None:
+def source_filter(
+    time: Array, position: Array, rest: Rest, size: float = np.inf
+) -> tuple[LowPassed, LowPassed] | None:
     """The filter that tracks (time, node, 3) went through, and what is left of it once it is undone.
 
-    rest: what no rigid motion makes of tracks at some times. None where no filter shows, or none that is
-    worth undoing.
+    rest: what no rigid motion makes of tracks at some times; size: mean square m2 of a coordinate of the
+    markers about their mean, of which errors are a tenth at most: once a filter slower than the true one is
+    undone, anything looks like noise. None where no filter shows, or none that is worth undoing.
     """
     whole = np.asarray(np.isfinite(position).all((1, 2)))
     first, length = max(runs(whole), key=lambda run: run[1], default=(0, 0))
@@ -84,7 +87,8 @@ def source_filter(time: Array, position: Array, rest: Rest) -> tuple[LowPassed, 
     logs = np.linspace(np.log(0.5 * f[0]), np.log(upto), CUTS_TRIED)
     first_look, fits = middle(len(t), FLIGHT_SAMPLES), []
     for order in BUTTERWORTH:
-        at = int(np.argmax([fitted(order, log, first_look).likely for log in logs]))
+        tried = [fitted(order, log, first_look) for log in logs]
+        at = int(np.argmax([fit.likely if fit.noise < TENTH * size else -np.inf for fit in tried]))
         beside = float(logs[max(at - 1, 0)]), float(logs[min(at + 1, CUTS_TRIED - 1)])
         found: Any = minimize_scalar(
             partial(lambda order, log: -fitted(order, log).likely, order), bounds=beside,
@@ -92,7 +96,7 @@ def source_filter(time: Array, position: Array, rest: Rest) -> tuple[LowPassed, 
         )  # fmt: skip
         fits.append(fitted(order, float(found.x)))
     best = max(fits, key=lambda fit: fit.likely)
-    if best.spread > WITHIN_CHANCE or upto < WORTH * best.cut:
+    if best.spread > WITHIN_CHANCE or upto < WORTH * best.cut or best.noise > TENTH * size:
         return None
     one = float(np.median(step))
     return LowPassed(best.order, best.cut / one, one), LowPassed(BUTTERWORTH[-1], upto / one, one)
