@@ -110,7 +110,6 @@ def tune_together(
         return louder(flight, loud, best[4:]), force.moved(best[:2]), moment.moved(best[2:4])
 
     force, moment = force if alone else force.alike(), moment.alike()
-    # a path that is off by less than that changes no likelihood
     laid = partial(settled, engine=engine)
     _, _, _, about = laid(flight, force, moment, first=first)
     flight, force, moment = searched(about)
