@@ -148,6 +148,7 @@ def test_interrupt_exits_130(monkeypatch, capsys):
 
     monkeypatch.setattr(forceid.config, "load_settings", interrupt)
     assert main(["inspect", "x.h5"]) == 130
+    assert "interrupted" in one_error_line(capsys)
 
 
 def test_json_is_strict_even_where_nothing_is_known():

@@ -16,7 +16,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from forceid import __version__
-from forceid.cli.boundary.endings import check_room, ending, fail
+from forceid.cli.boundary.endings import INTERRUPTED, check_room, ending, fail
 from forceid.cli.boundary.status import shown
 from forceid.cli.boundary.terminal import flushed, settle
 from forceid.errors import ConfigError
@@ -163,6 +163,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                     words or ["--help"], prog_name="forceid", standalone_mode=False
                 )
             code = code if isinstance(code, int) else 0
+            if code == INTERRUPTED:  # as typer tells of one
+                raise KeyboardInterrupt
         except BaseException as error:
             if debug:
                 traceback.print_exc()
