@@ -149,9 +149,10 @@ def judged(trial: Trial, folder: Path) -> Check:
 
 def ended(trial: Trial, folder: Path) -> tuple[int | None, str]:
     """Exit code and standard error of the command; no code where it had to be ended."""
-    interrupted = (sys.executable, "-c", INTERRUPTS_ITSELF, str(trial.interrupt))
+    itself = (sys.executable, "-c", INTERRUPTS_ITSELF, str(trial.interrupt))
+    command = [*(itself if trial.interrupt else COMMAND), *trial.words]
     process = subprocess.Popen(
-        [*(interrupted if trial.interrupt else COMMAND), *trial.words], cwd=folder, env={**os.environ, **here(), **trial.env},
+        command, cwd=folder, env={**os.environ, **here(), **trial.env},
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
     )  # fmt: skip
     try:
