@@ -18,7 +18,7 @@ from forceid.records import Array
 SUBSTEP = 0.1  # rad that one integration step may turn
 NEWTON_NEAR = 1e-4  # rad: one Newton step from there squares it, to far below what any frame shows
 NEWTON_STEPS = 12  # Newton steps at most, each of which doubles the digits
-MOMENTUM_MOVES = 0.5  # of a momentum: the most that one Newton step may change it by
+TURN_MOVES = 0.5  # of a turn, or of one of a radian if that is more: the most that a Newton step may change it by
 MOST_TURN = 600.0  # rad that a step is followed through: of a hundred turns in a gap nothing is known
 SHOWN_TURN = 60.0  # rad: a momentum that turns by more from one frame to the next is no motion that they show
 WIDE_STEP = 1.5  # times the usual step: where neighbors know better than the angle how often the body turned
@@ -106,10 +106,10 @@ def shot(step: Array, start: Array, to: Array, H: Array, J: Array, h: Array) -> 
         found[left[there]] = H[left[there]] + change[there]
         by[:, left[there]], open_ended[left[there]] = (by_R[there], by_H[there]), False
         left, change = left[~there], change[~there]
-        size = np.linalg.norm(change, axis=1)
-        reach = MOMENTUM_MOVES * np.linalg.norm(H[left], axis=1)
-        limit = np.where(size > reach, reach / np.maximum(size, 1e-300), 1.0)
-        H[left] += limit[:, None] * change
+        turned = angle(step[left], start[left], H[left], J[left], h[left])
+        more = angle(step[left], start[left], change, J[left], 0.0 * h[left])
+        reach = TURN_MOVES * np.maximum(turned, 1.0)  # below a radian Newton's rule needs no bound
+        H[left] += np.minimum(1.0, reach / np.maximum(more, 1e-300))[:, None] * change
         left = left[angle(step[left], start[left], H[left], J[left], h[left]) < SHOWN_TURN]
     if open_ended.any():
         rest = (a[open_ended] for a in (step, start, found, J, h))

@@ -63,6 +63,16 @@ def test_across_a_gap_the_body_turns_as_often_as_on_both_sides():
     np.testing.assert_allclose(found, np.broadcast_to(H, found.shape), atol=1e-4 * np.linalg.norm(H))
 
 
+def test_across_a_gap_momentum_is_found_where_noise_turns_the_body_more_than_it_turns_by_itself():
+    rng, (time, R, H) = np.random.default_rng(11), flying(0.002, count=200)
+    R = Rotation.from_rotvec(0.05 * rng.standard_normal((len(R), 3))).as_matrix() @ R
+    kept = np.flatnonzero(np.arange(len(R)) % 5 != 3)  # one in five is gone
+    H, _, _ = momentum_between(time[kept], R[kept], *still(len(kept)))
+    reached = free_turn(np.diff(time[kept]), R[kept][:-1], H, *still(len(kept) - 1))[0]
+    missed = Rotation.from_matrix(R[kept][1:] @ reached.swapaxes(1, 2)).magnitude()
+    assert missed.max() < 1e-6
+
+
 def test_the_first_moment_of_a_free_body_grows_evenly_however_far_it_turns():
     time, R, H = flying(0.9)
     C = np.tile(1e-8 * np.eye(3), (len(R), 1, 1))
