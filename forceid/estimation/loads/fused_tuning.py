@@ -39,6 +39,7 @@ from forceid.records import Array
 from forceid.significance import NUMBER, OUTLIER, PATIENCE
 
 MODELS_HELD = 3  # of each load, at hand: that of a point, and of steps from it along level and rate
+SIZES = np.exp(np.arange(13.0))  # of a moment over that which a channel took for none: up to five decades
 WANDER = 3.0 * 2.0 ** np.arange(12)  # over a record, in units of the noise of its mean
 
 
@@ -139,14 +140,24 @@ def by_the_flight(
     """The priors of a flight, by its own likelihood where its rotations contradict those of the channels.
 
     Errors of a rotation turn the momentum of a fast spin, so that its first moment shows little of the
-    moment; the flight itself shows it. Wild innovations count as outliers: no prior explains them.
+    moment; the flight itself shows it. Wild innovations count as outliers: no prior explains them. A moment
+    that the channel took for none is so small that no step from it changes the likelihood: the search begins
+    at its likeliest size.
     """
     white = np.clip(state.innovation[:, 3:6], -OUTLIER, OUTLIER)
     if not np.isfinite(white).any() or np.nanmean(white**2) < NIS_BAND[1]:
         return priors
+    assert state.reference is not None
+    part = middle(len(flight.time), FLIGHT_SAMPLES)
+    half = partial(
+        of_half, flight_segment(flight, part), priors["moment"], reference_segment(state.reference, part), engine
+    )
     try:
-        pair = priors["force"], priors["moment"]
-        _, _, moment = tune_together(flight, *pair, engine, first=state.reference, alone=True)
+        largest = max(SIZES, key=lambda size: half(np.array([np.log(size), 0.0])))
+        moment = priors["moment"].with_kernel(priors["moment"].kernel.scaled(largest))
+        _, _, moment = tune_together(
+            flight, priors["force"], moment, engine, first=state.reference, alone=True
+        )
     except EstimationError:
         return priors
     return priors | {"moment": moment}
