@@ -15,6 +15,8 @@ from forceid.motion.frames import Pose as Pose
 from forceid.motion.frames import beyond_pose as beyond_pose
 from forceid.motion.frames import fit_frames as fit_frames
 from forceid.motion.frames import fit_pose as fit_pose
+from forceid.motion.frames import poses_about as poses_about
+from forceid.motion.frames import second_order as second_order
 from forceid.motion.free_rotation import SHOWN_TURN as SHOWN_TURN
 from forceid.motion.free_rotation import SUBSTEP as SUBSTEP
 from forceid.motion.free_rotation import WIDE_STEP as WIDE_STEP

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -82,6 +82,58 @@ def fit_pose(
         ):
             whole[at] = part
     return out
+
+
+def poses_about(
+    pose: Pose,
+    position: Array,
+    shape: Array,
+    weight: Array,
+    cov: Array,
+    path: tuple[Array, Array],
+    uneven: Array | None = None,
+) -> Pose:
+    """The poses of `fit_pose` linearized about a path, center (time, 3) and rotation (time, 3, 3).
+
+    A pose by itself is linearized where its own errors have brought it. About a path that is better known
+    markers are linear in their errors, however far these turn the pose of a frame. The rest as of `fit_pose`;
+    what is left of the markers stays. Source: the smoother of Bell, SIAM J. Optim. 4 (1994) 626.
+    """
+    center, R, C = pose.center.copy(), pose.rotation.copy(), pose.cov.copy()
+    for pattern, _, at in frames_seen_alike(position):
+        fit = frame_fit(shape, weight, pattern, cov)
+        if fit is None:
+            continue
+        about = path[1][at]
+        left = (body_axes(position[at], path[0][at], about) - shape)[:, pattern].reshape(len(at), -1)
+        d = left @ fit.gain[0].T
+        center[at] = path[0][at] + np.einsum("tab,tb->ta", about, d[:, :3])
+        R[at], turn = about @ exp(d[:, 3:]), np.zeros((len(at), 6, 6))
+        turn[:, :3, :3] = turn[:, 3:, 3:] = about
+        C[at] = turn @ fit.cov @ turn.mT
+        if uneven is not None:
+            C[at] += through_fit(fit.gain[0], about, uneven)
+    return replace(pose, center=center, rotation=R, cov=C)
+
+
+def second_order(cov: Array, turn: Array | None = None) -> Array:
+    """How far (time,) a turn of a pose moves the mass center in second order, in standard deviations of it.
+
+    Of those it has where the rotation is known. cov (time, 6, 6): of poses, turn (time, 3) rad, world axes:
+    one standard deviation about the axis that is known worst if not given.
+
+    >>> cov = np.diag([1.01, 1e-2, 1e-2, 1e-4, 1e-4, 1e-2])
+    >>> cov[0, 5] = cov[5, 0] = 0.1  # a mass center that a turn about z moves by 10 m/rad along x
+    >>> second_order(cov[None]).round(9).tolist()
+    [0.5]
+    """
+    by_turn = cov[:, :3, 3:] @ np.linalg.inv(cov[:, 3:, 3:])
+    if turn is None:
+        square, axes = np.linalg.eigh(cov[:, 3:, 3:])
+        turn = np.sqrt(square[:, -1:]) * axes[:, :, -1]
+    moved = 0.5 * np.cross(turn, (by_turn @ turn[..., None])[..., 0])
+    known = cov[:, :3, :3] - by_turn @ cov[:, 3:, :3]
+    return np.asarray(np.sqrt(np.einsum("ta,ta->t", moved, np.linalg.solve(known, moved[..., None])[..., 0])))
 
 
 def fit_frames(

@@ -18,7 +18,7 @@ from forceid.records import Array
 SUBSTEP = 0.1  # rad that one integration step may turn
 NEWTON_NEAR = 1e-4  # rad: one Newton step from there squares it, to far below what any frame shows
 NEWTON_STEPS = 12  # Newton steps at most, each of which doubles the digits
-TURN_MOVES = 0.5  # of a turn, or of one of a radian if that is more: the most that a Newton step may change it by
+TURN_MOVES = 0.5  # of a turn, or of a radian if that is more: the most that a Newton step may change it by
 MOST_TURN = 600.0  # rad that a step is followed through: of a hundred turns in a gap nothing is known
 SHOWN_TURN = 60.0  # rad: a momentum that turns by more from one frame to the next is no motion that they show
 WIDE_STEP = 1.5  # times the usual step: where neighbors know better than the angle how often the body turned

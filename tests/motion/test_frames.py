@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from forceid.motion.frames import fit_frames, fit_pose
+from forceid.motion.frames import fit_frames, fit_pose, poses_about, second_order
 from forceid.motion.pose import log
 from forceid.principal.operator import summation_operator
 
@@ -64,3 +64,21 @@ def test_frames_that_show_fewer_amplitudes_tell_what_they_show():
     frames = fit_frames(x, pose, SHAPE, shapes, NOISE)
     assert np.isfinite(frames.observed).sum(1).tolist() == [3, 3, 3]  # nine coordinates less six of the pose
     assert np.isfinite(frames.leak).all()
+
+
+def test_about_a_path_that_is_known_errors_are_as_claimed_however_far_they_turn_a_frame():
+    rng = np.random.default_rng(7)
+    thin = np.stack([np.full(6, 0.2), np.linspace(-0.1, 0.1, 6), 5e-4 * rng.standard_normal(6)], 1)
+    frames = 4000
+    R, c = Rotation.random(frames, random_state=rng).as_matrix(), rng.standard_normal((frames, 3))
+    x = c[:, None] + thin @ R.swapaxes(1, 2) + SIGMA * rng.standard_normal((frames, 6, 3))
+    alone = fit_pose(x, thin, np.ones(6), NOISE)
+    about = poses_about(alone, x, thin, np.ones(6), NOISE, (c, R))
+
+    def square(pose):
+        error = np.concatenate([pose.center - c, log(pose.rotation @ R.swapaxes(1, 2))], 1)
+        return np.einsum("ta,ta->t", error, np.linalg.solve(pose.cov, error[..., None])[..., 0]).mean()
+
+    assert square(about) == pytest.approx(6.0, abs=4 * np.sqrt(12 / frames))
+    assert square(alone) > 12.0
+    assert np.median(second_order(alone.cov)) > 1.0

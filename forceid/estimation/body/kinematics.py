@@ -20,7 +20,16 @@ from forceid.estimation.body.thin_mass import followed_line, thinned
 from forceid.estimation.body.tracks.noise_axes import as_stated, floored, rms_noise, share, uneven
 from forceid.flight.color import Color, Colored, LowPassed, SharedErrors
 from forceid.flight.elastic import Elastic
-from forceid.motion import Frames, Pose, fit_frames, fit_pose, inertia_products, log, noise_variance
+from forceid.motion import (
+    Frames,
+    Pose,
+    fit_frames,
+    fit_pose,
+    inertia_products,
+    log,
+    noise_variance,
+    poses_about,
+)
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags, KnownPart, Motion
 from forceid.timing import stage
@@ -116,6 +125,14 @@ class Kinematics:
     def unfollowed(self) -> Flags:
         """Nodes (node,) with mass that neither a marker nor a shape follows as the body deforms."""
         return (self.inertia.weight > 0) & ~self.seen & ~self.shapes.any(axis=(0, 2))
+
+    def about(self, path: tuple[Array, Array]) -> Kinematics:
+        """The same with its poses linearized about a path, center (time, 3) and rotation (time, 3, 3)."""
+        m = self.markers
+        assert m is not None
+        white = m.noise_std**2 * np.eye(m.X.size)
+        pose = poses_about(self.pose, m.measured, m.shape, m.weight, white, path, uneven(m.root))
+        return replace(self, pose=pose)
 
 
 @stage("kinematics")

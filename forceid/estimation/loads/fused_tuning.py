@@ -149,9 +149,8 @@ def by_the_flight(
         return priors
     assert state.reference is not None
     part = middle(len(flight.time), FLIGHT_SAMPLES)
-    half = partial(
-        of_half, flight_segment(flight, part), priors["moment"], reference_segment(state.reference, part), engine
-    )
+    cut, near = flight_segment(flight, part), reference_segment(state.reference, part)
+    half = partial(of_half, cut, priors["moment"], near, engine)
     try:
         largest = max(SIZES, key=lambda size: half(np.array([np.log(size), 0.0])))
         moment = priors["moment"].with_kernel(priors["moment"].kernel.scaled(largest))

@@ -37,18 +37,19 @@ class Problem:
 
     Given: body, motion (cleaned), settings, engine, and given, the kinematics of all frames under the
     noise stated; shown: what a look at these has shown. Learned: findings; dropped, frames taken out;
-    lines of the loads; errors, of the markers as what no motion makes shows them; late (time, 6), what
-    frames that come early or late are off by; shared, errors of all markers at once; slow, the noise of
-    tracks whose errors follow each other, None for none; near, priors that those of the same lines are
-    near to. Found: driven, the kinematics with the deformation taken out; noise_range, factors that the
-    tuning may put on the noise; followed: whether how smooth a pose is tells of the noise of markers;
-    notes, findings of this pass; at_limit: by variable, whether the likelihood wanted less noise than it
-    was allowed; apiece, priors tuned on a channel each; priors, flight and state; wild: what nothing
-    explains. Claimed: plain (time, 6, 6), the covariance of the wrench before allowances; gained: numbers
-    of body axes; between (time, 6, 6): variance of the wrench between axes of its loads that the record
-    does not tell apart, None for none; growth: of the errors claimed, moving: of those of affine modes;
-    impulses: of loads that come in pieces; ringing: loads that may ring with the body unseen; looks:
-    channels as their priors whiten them.
+    path, center and rotation about which poses are linearized, None for each about itself; lines of the
+    loads; errors, of the markers as what no motion makes shows them; late (time, 6), what frames that
+    come early or late are off by; shared, errors of all markers at once; slow, the noise of tracks whose
+    errors follow each other, None for none; near, priors that those of the same lines are near to. Found:
+    driven, the kinematics with the deformation taken out; noise_range, factors that the tuning may put on
+    the noise; followed: whether how smooth a pose is tells of the noise of markers; notes, findings of
+    this pass; at_limit: by variable, whether the likelihood wanted less noise than it was allowed;
+    apiece, priors tuned on a channel each; priors, flight and state; wild: what nothing explains.
+    Claimed: plain (time, 6, 6), the covariance of the wrench before allowances; gained: numbers of body
+    axes; between (time, 6, 6): variance of the wrench between axes of its loads that the record does not
+    tell apart, None for none; growth: of the errors claimed, moving: of those of affine modes; impulses:
+    of loads that come in pieces; ringing: loads that may ring with the body unseen; looks: channels as
+    their priors whiten them.
     """
 
     body: Body
@@ -59,6 +60,7 @@ class Problem:
     shown: DrivenMotion | None = None
     findings: tuple[Finding, ...] = ()
     dropped: Dropped = NONE_DROPPED
+    path: tuple[Array, Array] | None = None
     lines: Lines = NO_LINES
     errors: MarkerErrors | None = None
     late: Array | None = None
@@ -129,9 +131,10 @@ class Problem:
 
     def look(self, noise: dict[str, Array] | None) -> Kinematics:
         """The kinematics without the frames dropped, under the noise of the file or another one."""
-        if noise is None and not self.dropped.any:
-            return self.given
-        return kinematics_without(self.dropped, self.body, self.motion, self.settings, noise)
+        kin = self.given
+        if noise is not None or self.dropped.any:
+            kin = kinematics_without(self.dropped, self.body, self.motion, self.settings, noise)
+        return kin if self.path is None else kin.about(self.path)
 
     def seeing(self, kin: Kinematics) -> Problem:
         """The problem with these kinematics, the deformation smoothed and taken out of the poses."""

@@ -6,6 +6,8 @@ from collections.abc import Callable, Collection
 from dataclasses import replace
 from functools import partial, reduce
 
+import numpy as np
+
 from forceid.config import Settings
 from forceid.errors import EstimationError
 from forceid.estimation.body.cleaning import largest_innovations, wild_frames
@@ -43,8 +45,10 @@ from forceid.estimation.methods.tuning import (
 )
 from forceid.kalman.building.line_search import AT_ONCE
 from forceid.kalman.engines import Engine
+from forceid.motion import log, second_order
 from forceid.records import Body, Motion
-from forceid.significance import WILD
+from forceid.rounding import ITERATIONS
+from forceid.significance import TENTH, WILD
 from forceid.timing import stage
 
 Stage = Callable[[Problem], Problem]
@@ -175,10 +179,29 @@ def through(stages: tuple[Stage, ...], problem: Problem) -> Problem:
 def with_frames_that_agree(problem: Problem) -> Problem:
     """The problem solved, again and again until no frame is left that nothing else agrees with."""
     while True:
-        solved = through(PASS, problem)
+        solved = about_its_path(through(PASS, problem))
         problem = without_wild_frames(solved)
         if problem.dropped is solved.dropped:
             return problem
+
+
+def about_its_path(problem: Problem) -> Problem:
+    """The problem solved with poses linearized about its path, where their own errors are too large for it.
+
+    Markers near a line tell the turn about it so badly that a mass center beside the line moves by the square
+    of its errors; the path knows it far better.
+    """
+    for _ in range(ITERATIONS):
+        kin, state, path = problem.kin, problem.state, problem.path
+        by_itself = kin.markers is None or kin.deforms or kin.apart or kin.spin is not None
+        if by_itself or not kin.attitude:
+            break
+        seen = np.isfinite(kin.pose.cov).all((1, 2))
+        off = None if path is None else log(state.rotation[seen] @ path[1][seen].mT)
+        if not second_order(kin.pose.cov[seen], off).max(initial=0.0) > TENTH:
+            break
+        problem = through(PASS, replace(problem, path=(state.center, state.rotation), near={}))
+    return problem
 
 
 def beside_lines(problem: Problem, harmonics: Collection[str] = ()) -> Problem:
