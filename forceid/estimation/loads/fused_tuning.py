@@ -8,6 +8,7 @@ its smoothed path. Source: principal equations 4d, 4f.
 from __future__ import annotations
 
 from collections.abc import Set
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
 
@@ -134,29 +135,35 @@ def tune_together(
     return flight, force, moment
 
 
+def contradicted(state: FlightState) -> bool:
+    """Whether rotations contradict the prior of the moment; wild ones do not: no prior explains them."""
+    white = np.clip(state.innovation[:, 3:6], -OUTLIER, OUTLIER)
+    return bool(np.isfinite(white).any() and np.nanmean(white**2) > NIS_BAND[1])
+
+
 def by_the_flight(
-    flight: Flight, priors: dict[str, LoadPrior], state: FlightState, engine: Engine
+    flight: Flight, priors: dict[str, LoadPrior], about: Reference | None, engine: Engine
 ) -> dict[str, LoadPrior]:
-    """The priors of a flight, by its own likelihood where its rotations contradict those of the channels.
+    """The priors of a flight, that of its moment by its own likelihood about a reference.
 
     Errors of a rotation turn the momentum of a fast spin, so that its first moment shows little of the
-    moment; the flight itself shows it. Wild innovations count as outliers: no prior explains them. A moment
-    that the channel took for none is so small that no step from it changes the likelihood: the search begins
-    at its likeliest size.
+    moment; the flight itself shows it. A moment that the channel took for none is so small that no step from
+    it changes the likelihood: the search begins at its likeliest size. Where no path came to rest under it
+    (None), about that under the smallest larger one which lets one.
     """
-    white = np.clip(state.innovation[:, 3:6], -OUTLIER, OUTLIER)
-    if not np.isfinite(white).any() or np.nanmean(white**2) < NIS_BAND[1]:
+    force, moment = priors["force"], priors["moment"]
+    for size in () if about is not None else SIZES[1:]:
+        with suppress(EstimationError):
+            about = settled(flight, force, moment.with_kernel(moment.kernel.scaled(size)), engine)[2]
+            break
+    if about is None:
         return priors
-    assert state.reference is not None
     part = middle(len(flight.time), FLIGHT_SAMPLES)
-    cut, near = flight_segment(flight, part), reference_segment(state.reference, part)
-    half = partial(of_half, cut, priors["moment"], near, engine)
+    half = partial(of_half, flight_segment(flight, part), moment, reference_segment(about, part), engine)
     try:
-        largest = max(SIZES, key=lambda size: half(np.array([np.log(size), 0.0])))
-        moment = priors["moment"].with_kernel(priors["moment"].kernel.scaled(largest))
-        _, _, moment = tune_together(
-            flight, priors["force"], moment, engine, first=state.reference, alone=True
-        )
+        size = max(SIZES, key=lambda one: half(np.array([np.log(one), 0.0])))
+        moment = moment.with_kernel(moment.kernel.scaled(size))
+        moment = tune_together(flight, force, moment, engine, first=about, alone=True)[2]
     except EstimationError:
         return priors
     return priors | {"moment": moment}

@@ -15,7 +15,7 @@ from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.instruments.on_flight import fused
 from forceid.estimation.instruments.strain_gauges import with_strain_gauges
 from forceid.estimation.loads.channels import DrivenMotion, flight_of
-from forceid.estimation.loads.fused_tuning import by_the_flight
+from forceid.estimation.loads.fused_tuning import by_the_flight, contradicted
 from forceid.estimation.loads.lines import Lines, beyond_rounding, more_lines
 from forceid.estimation.methods.axes import choose_axes
 from forceid.estimation.methods.claims import (
@@ -65,26 +65,32 @@ def add_instruments(problem: Problem) -> Problem:
     return with_stated_priors(replace(problem, apiece=apiece, flight=flight, priors=priors))
 
 
-@stage("flight")
 def solve(problem: Problem) -> Problem:
-    """The state of the flight."""
-    return replace(problem, state=problem.smoothed(problem.flight))
-
-
-@stage("flight_tuning")
-def tune_on_flight(problem: Problem) -> Problem:
-    """The flight under priors by its own likelihood, where its rotations contradict those of the channels.
+    """The state of the flight, under priors by its own likelihood where it contradicts those of the channels.
 
     Not where a deformation hides what loads do: the likeliest ones are then too weak.
     """
     kin, flight = problem.kin, problem.flight
     alone = kin.apart or flight.sensors is not None or kin.inertia.line is not None
-    if problem.hides or not kin.attitude or alone:
-        return problem
-    priors = by_the_flight(flight, problem.priors, problem.state, problem.engine)
-    if priors["moment"] is problem.priors["moment"]:
-        return problem
-    return solve(with_stated_priors(replace(problem, priors=priors)))
+    fixed = problem.hides or not kin.attitude or alone
+    with stage("flight"):
+        try:
+            problem, why = replace(problem, state=problem.smoothed(flight)), None
+            if fixed or not contradicted(problem.state):
+                return problem
+        except EstimationError as error:
+            if fixed:
+                raise
+            why = error
+    with stage("flight_tuning"):
+        about = problem.state.reference if why is None else None
+        priors = by_the_flight(flight, problem.priors, about, problem.engine)
+        if priors is problem.priors and why is not None:
+            raise why
+        if priors is problem.priors:
+            return problem
+        problem = with_stated_priors(replace(problem, priors=priors))
+        return replace(problem, state=problem.smoothed(flight))
 
 
 @stage("frames")
@@ -131,7 +137,6 @@ PASS: tuple[Stage, ...] = (
     cut_force,
     add_instruments,
     solve,
-    tune_on_flight,
 )
 CLAIMS: tuple[Stage, ...] = (
     judge_channels,
