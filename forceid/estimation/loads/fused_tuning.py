@@ -40,7 +40,7 @@ from forceid.records import Array
 from forceid.significance import NUMBER, OUTLIER, PATIENCE
 
 MODELS_HELD = 3  # of each load, at hand: that of a point, and of steps from it along level and rate
-SIZES = np.exp(np.arange(13.0))  # of a moment over that which a channel took for none: up to five decades
+LARGER_BY = np.exp(np.arange(13.0))  # of a moment over that which a channel took for none: up to five decades
 WANDER = 3.0 * 2.0 ** np.arange(12)  # over a record, in units of the noise of its mean
 
 
@@ -152,7 +152,7 @@ def by_the_flight(
     (None), about that under the smallest larger one which lets one.
     """
     force, moment = priors["force"], priors["moment"]
-    for size in () if about is not None else SIZES[1:]:
+    for size in () if about is not None else LARGER_BY[1:]:
         with suppress(EstimationError):
             about = settled(flight, force, moment.with_kernel(moment.kernel.scaled(size)), engine)[2]
             break
@@ -161,7 +161,7 @@ def by_the_flight(
     part = middle(len(flight.time), FLIGHT_SAMPLES)
     half = partial(of_half, flight_segment(flight, part), moment, reference_segment(about, part), engine)
     try:
-        size = max(SIZES, key=lambda one: half(np.array([np.log(one), 0.0])))
+        size = max(LARGER_BY, key=lambda one: half(np.array([np.log(one), 0.0])))
         moment = moment.with_kernel(moment.kernel.scaled(size))
         moment = tune_together(flight, force, moment, engine, first=about, alone=True)[2]
     except EstimationError:
