@@ -14,7 +14,7 @@ from forceid.estimation.body.deformation import Deformation
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.spin import with_spin_rate
 from forceid.estimation.body.tracks.marker_errors import MarkerErrors
-from forceid.estimation.body.tracks.spikes import rounding_line
+from forceid.estimation.body.tracks.rounding import rounding_line
 from forceid.estimation.loads.channels import DrivenMotion, driven_motion
 from forceid.estimation.loads.hidden.order_uncertainty import Rivals
 from forceid.estimation.loads.hidden.ringing_body import Ringing

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.estimation.body.tracks.spikes import grid_step
+from forceid.estimation.body.tracks.rounding import grid_step
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import Leakage
 from forceid.estimation.verdict.measured_pose import judge_measured_pose

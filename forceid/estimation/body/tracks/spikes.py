@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from forceid.estimation.body.tracks.noise_axes import at_rest
+from forceid.estimation.body.tracks.rounding import grid_step
 from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.records import Array, Flags
 from forceid.rounding import SOLVED
@@ -25,7 +26,6 @@ WILD_RATE = 100.0  # typical steps by which a rate leaves both the readings befo
 RATES_OFF = 0.01  # part of the readings of a gyro that may be: more are what the body does
 FRAME_OFF, READINGS_OFF = 0.5, 0.2  # parts of a frame, and of all readings, that may be off
 STUCK, STUCK_PART = 5, 0.002  # samples, and part of them, at one edge that chance does not bring there
-GRID = 0.5  # different values, as a part of the readings, below which these are on a grid, and meet anyway
 
 
 def spikes(position: Array) -> Flags:
@@ -156,36 +156,6 @@ def median(a: Array) -> Array:
     low, high = (np.maximum(count - 1, 0) // 2, np.maximum(count, 1) // 2)
     pick = [np.take_along_axis(ordered, k[:, None], 1)[:, 0] for k in (low, np.minimum(high, a.shape[1] - 1))]
     return np.asarray(np.where(count > 0, 0.5 * (pick[0] + pick[1]), 0.0))
-
-
-def grid_step(position: Array) -> float:
-    """The step of the grid (m) that coordinates (time, node, 3) are on; zero where they are on none.
-
-    >>> grid_step(np.round(np.linspace(0, 1, 300), 1).reshape(-1, 1, 3)).__round__(9)
-    0.1
-    """
-    x = position[:: max(1, len(position) // CHANNEL_SAMPLES)]
-    values = np.unique(x[np.isfinite(x)])
-    if len(values) < 2 or len(values) > GRID * x.size:
-        return 0.0
-    return float(np.diff(values).min())
-
-
-def rounding_line(position: Array, noise: float) -> float:
-    """Amplitude (m) that rounding gives to one frequency of a track (time, node, 3) at most; noise m with it.
-
-    Rounded, a steady motion errs by a saw tooth, whose first harmonic noise beside it washes out. Source:
-    Widrow and Kollar (2008), Quantization noise, 4.
-
-    >>> x = np.round(np.linspace(0, 1, 300), 1).reshape(-1, 1, 3)
-    >>> rounding_line(x, 0.1 / np.sqrt(12)).__round__(6) == round(0.1 / np.pi, 6)
-    True
-    """
-    step = grid_step(position)
-    if not step:
-        return 0.0
-    white = max(noise**2 - step**2 / 12, 0.0)
-    return float(step / np.pi * np.exp(-2 * np.pi**2 * white / step**2))
 
 
 def clipped(position: Array) -> tuple[Flags, str, float]:

@@ -1,0 +1,77 @@
+"""Coordinates that are rounded: the grid they are on, and what errors that makes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from forceid.estimation.body.tracks.noise_axes import at_rest
+from forceid.flight.channels import CHANNEL_SAMPLES
+from forceid.records import Array
+
+FEW_VALUES = 10  # that chance puts on a grid: of more, eight would have to
+OFF_GRID = 0.01  # of a step: numbers of single precision that are rounded to it are nearer
+PARTS = range(1, 9)  # of the least distance of two readings that the step may be, where hardly two are near
+
+
+def grid_step(position: Array) -> float:
+    """The widest step of the grids (m) that coordinates (time, node, 3) are on; zero where they are on none.
+
+    All that change along an axis are whole steps apart, as those that were not rounded nowhere are but in an
+    even motion, whose steps from frame to frame are alike.
+
+    >>> grid_step(np.round(np.linspace(0, 1, 300), 1).reshape(-1, 1, 3)).__round__(9)
+    0.1
+    """
+    moves, found = ~at_rest(position), 0.0
+    x = position[:: max(1, len(position) // CHANNEL_SAMPLES)]
+    for axis in range(3):
+        read = x[:, moves[:, axis], axis]
+        values = np.unique(read[np.isfinite(read)])
+        if len(values) < FEW_VALUES:
+            continue
+        step = next((one for part in PARTS if (one := fitted_step(values, part))), 0.0)
+        if step and np.nanmax(np.abs(np.diff(read, 2, axis=0)), initial=0.0) > 0.5 * step:
+            found = max(found, step)
+    return found
+
+
+def fitted_step(values: Array, part: int) -> float:
+    """The step of the grid that sorted values are on, about a part of their least distance; zero for none."""
+    off = values - values[0]
+    step, reach = float(np.diff(values).min()) / part, 10.0
+    while True:  # what is farther away tells it to more digits
+        near = off[off <= reach * step]
+        count = np.rint(near / step)
+        step = float(near @ count / (count @ count)) if count.any() else step
+        if len(near) == len(off):
+            break
+        reach *= 10
+    return step if np.abs(off / step - np.rint(off / step)).max() < OFF_GRID else 0.0
+
+
+def rounding_line(position: Array, noise: float) -> float:
+    """Amplitude (m) that rounding gives to one frequency of a track (time, node, 3) at most; noise m with it.
+
+    Rounded, a steady motion errs by a saw tooth, whose first harmonic noise beside it washes out. Source:
+    Widrow and Kollar (2008), Quantization noise, 4.
+
+    >>> x = np.round(np.linspace(0, 1, 300), 1).reshape(-1, 1, 3)
+    >>> rounding_line(x, 0.1 / np.sqrt(12)).__round__(6) == round(0.1 / np.pi, 6)
+    True
+    """
+    step = grid_step(position)
+    if not step:
+        return 0.0
+    white = max(noise**2 - step**2 / 12, 0.0)
+    return float(step / np.pi * np.exp(-2 * np.pi**2 * white / step**2))
+
+
+def beside_rounding(std: float, position: Array) -> float:
+    """A noise (m) stated of coordinates (time, node, 3), with that of rounding where it cannot hold it.
+
+    >>> x = np.round(np.linspace(0, 1, 300), 1).reshape(-1, 1, 3)
+    >>> round(beside_rounding(0.01, x), 4), beside_rounding(0.05, x)
+    (0.0306, 0.05)
+    """
+    rounded = grid_step(position) / np.sqrt(12)
+    return float(np.hypot(std, rounded)) if std < rounded else std
