@@ -32,15 +32,23 @@ def add_lines(
     body, for lines that turn with it.
     """
     F, Q, P0 = chain
+    alike, which = np.unique(np.round(unique, 12), return_inverse=True)
     for line, own in zip(lines, places(len(P0), lines), strict=True):
-        F_line, Q_line = discretize_steps(integrate(integrate(line.process, 0.0), 0.0), unique)
-        spread = np.zeros((len(unique), len(P0), 2 + line.states))
+        F_line, Q_line = discretize_steps(integrate(integrate(line.process, 0.0), 0.0), alike)
+        turns = line.turns and rotation is not None
+        moved = np.zeros((len(unique if turns else alike), 6 + line.states, 2 + line.states))
         # its Y and H along its direction, its own states as they are
-        early, mean = swept(step, rotation) if line.turns and rotation is not None else (np.eye(3), np.eye(3))
-        spread[:, :3, 0], spread[:, 3:6, 1] = (turn @ line.direction @ axes for turn in (early, mean))
-        spread[:, own, 2:] = np.eye(line.states)
-        F[:, :, own] = spread @ F_line[:, :, 2:]
-        Q += spread @ Q_line @ spread.swapaxes(1, 2)
+        early, mean = swept(step, rotation) if turns and rotation is not None else (np.eye(3), np.eye(3))
+        moved[:, :3, 0], moved[:, 3:6, 1] = (turn @ line.direction @ axes for turn in (early, mean))
+        moved[:, 6:, 2:] = np.eye(line.states)
+        if turns:
+            F_line, Q_line = F_line[which], Q_line[which]
+        F_own, Q_own = moved @ F_line[:, :, 2:], moved @ Q_line @ moved.mT
+        if not turns and len(alike) < len(unique):
+            F_own, Q_own = F_own[which], Q_own[which]
+        rows = np.r_[0:6, own]
+        F[:, rows, own] = F_own
+        Q[:, rows[:, None], rows] += Q_own
         P0[own, own] = line.process.P0
 
 
