@@ -9,6 +9,7 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.estimation.body.deformation_residual import beyond_rigid
+from forceid.estimation.body.deforming.strains import strain_shapes
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.body.mass_center import tracked_mass_center, with_center, without_gaps
 from forceid.estimation.body.tracks.source_filter import source_filter, undone
@@ -91,7 +92,9 @@ def cleaned(body: Body, motion: Motion, kin: Kinematics | None = None) -> tuple[
     off = spikes(position)
     if kin is not None and kin.attitude:
         shown = beyond_rigid(motion.time, np.where(off[..., None], np.nan, position), kin)
-        off[:, shown.kept] |= off_the_shape(shown.y, shown.basis)
+        # a body that strains as a whole may do so faster than a spike shows in what it does
+        for part in (shown, shown.without(strain_shapes(kin.shape, np.eye(3)))):
+            off[:, shown.kept] |= off_the_shape(part.y, part.basis)
     if off.any():
         position = np.where(off[..., None], np.nan, position)
         by_marker = {body.node[k]: int(off[:, k].sum()) for k in np.argsort(-off.sum(0)) if off[:, k].any()}

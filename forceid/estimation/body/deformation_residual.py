@@ -61,6 +61,11 @@ class Beyond:
         """What shapes (mode, node, 3) look like in y: (mode, freedom)."""
         return np.asarray(shapes[:, self.kept].reshape(len(shapes), len(self.basis)) @ self.basis)
 
+    def without(self, shapes: Array) -> Beyond:
+        """What no motion in shapes (mode, node, 3) explains either."""
+        free = null_space(self.of(shapes), rcond=SINGLE)
+        return replace(self, y=self.y @ free, basis=self.basis @ free)
+
 
 def often_seen(position: Array, seen: Flags) -> Flags:
     """Markers (node,) that at least half of the frames show together: the least seen go first."""
@@ -100,8 +105,7 @@ def errors_beyond(kin: Kinematics, motion: Motion) -> tuple[MarkerErrors, Array 
         return None
     seen = beyond_rigid(motion.time, motion.measured, kin)
     if len(kin.shapes):
-        free = null_space(seen.of(kin.shapes), rcond=SINGLE)
-        seen = replace(seen, y=seen.y @ free, basis=seen.basis @ free)
+        seen = seen.without(kin.shapes)
     found = marker_errors(motion.time, seen.y)
     if found is None or found.relative > KNOWN:
         return None

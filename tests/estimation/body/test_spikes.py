@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
+from forceid.estimation.body.cleaning import cleaned
 from forceid.estimation.body.deformation_residual import beyond_rigid
 from forceid.estimation.body.kinematics import kinematics
 from forceid.estimation.body.tracks.spikes import off_the_shape, spikes
@@ -109,3 +110,19 @@ def test_spikes_that_distances_do_not_show_leave_the_shape():
         assert not (found & ~expected).any()
         shown, named, count = shown + found.sum(), named + spikes(x).sum(), count + expected.sum()
     assert shown > 0.9 * count > named
+
+
+def test_spikes_of_a_body_that_strains_faster_than_they_show_in_its_shape_are_found():
+    (x, rng), X = tumbling(markers=10, turn=0.05), np.random.default_rng(0).uniform(-0.1, 0.1, (10, 3))
+    R = Rotation.from_rotvec(np.arange(200)[:, None] * 0.05 * np.array([0.6, 0.0, 0.8])).as_matrix()
+    strain = 0.2 * np.diag([1.0, -0.5, -0.3]) + 0.1 * np.eye(3)[[1, 0, 2]]
+    x += np.einsum("t,tab,nb->tna", np.sin(0.9 * np.arange(200)), R, X @ strain)
+    off = np.zeros(x.shape[:2], bool)
+    off[np.arange(8, 195, 11), rng.integers(0, 10, 17)] = True
+    step = rng.standard_normal((off.sum(), 3))
+    x[off] += 25 * NOISE * step / np.linalg.norm(step, axis=1, keepdims=True)
+    body = Body(tuple(f"n{k}" for k in range(10)), X, np.ones(10))
+    motion = Motion(np.arange(200) / 100, x)
+    assert spikes(x)[off].mean() < 0.2
+    left = cleaned(body, motion, kinematics(body, motion, load_settings(model="rigid")))[0].position
+    np.testing.assert_array_equal(np.isnan(left).all(2), off)
