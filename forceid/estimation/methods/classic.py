@@ -10,7 +10,7 @@ from forceid.config import Settings
 from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.loads.channels import angular_channel, check_turns, force_channel
-from forceid.estimation.methods.noise import SAID, judge_filter, may_show, measured_errors, slow_and_small
+from forceid.estimation.methods.noise import SAID, judge_filter, measured_errors, slow_and_small
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.methods.window_bias import bias_of
 from forceid.estimation.verdict.catalogue import note
@@ -66,7 +66,7 @@ def estimate_classic(
     left = (kin.pose.center - path.value) / np.sqrt(var * np.maximum(1 - path.gain[:, :, 0, 0], SOLVED))
     nis = mean_square(left)
     shared = errors is None and kin.stated[next(iter(kin.noise))] and slow_and_small(left, nis)
-    if may_show(kin, motion):  # markers show by themselves what their noise is
+    if motion.position is not None:  # markers show by themselves what their noise is
         left, nis = np.zeros((len(time), 0)), np.full(len(time), np.nan)
     none = np.full((len(time), 3), np.nan)
     moment, H, omega, rotation = none, none, none, kin.pose.rotation

@@ -124,21 +124,15 @@ def may_be_another(color: LowPassed, frequency: float) -> bool:
     return bool(own < WHOLE or other > TENTH**2)
 
 
-def may_show(kin: Kinematics, motion: Motion) -> bool:
-    """Whether markers are asked for their noise: not where a mass center tells it while the body deforms."""
-    return motion.position is not None and not (kin.apart and kin.deforms)
-
-
 def measured_errors(
     kin: Kinematics, motion: Motion
 ) -> tuple[MarkerErrors | None, Array | None, tuple[Finding, ...]]:
     """Errors of markers where they show them, with deviations (3,) m along world axes, and what to say of it.
 
-    None where they do not show them, or show what was stated; nor of a body that deforms about a mass center
-    known by itself, which tells its own noise, whatever the shapes.
+    None where they do not show them, or show what was stated.
     """
     source = "position"
-    seen = errors_beyond(kin, motion) if may_show(kin, motion) else None
+    seen = errors_beyond(kin, motion) if motion.position is not None else None
     if seen is None:
         return None, None, ()
     errors, std = seen

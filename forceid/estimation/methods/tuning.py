@@ -152,7 +152,8 @@ def find_shared_errors(problem: Problem) -> Problem:
     """Errors that all markers share, of a body whose markers tell all others, and the force beside them."""
     kin, force = problem.kin, problem.priors["force"]
     told = problem.source == "position" and kin.attitude and bool((kin.pose.dof > 0).any())
-    if problem.shared is not None or problem.slow is not None or kin.deforms or not told:
+    bends = kin.deforms and not kin.apart  # what it does would pass for errors of the center
+    if problem.shared is not None or problem.slow is not None or bends or not told:
         return problem
     if kin.every > 1 or kin.memory is not None:
         return problem
