@@ -10,6 +10,7 @@ from forceid.records import Array
 
 FEW_VALUES = 10  # that chance puts on a grid: of more, eight would have to
 OFF_GRID = 0.01  # of a step: numbers of single precision that are rounded to it are nearer
+ASTRAY = 0.25  # of a step: by so much no number is off that a step told by nearer ones leads to
 PARTS = range(1, 9)  # of the least distance of two readings that the step may be, where hardly two are near
 
 
@@ -42,6 +43,8 @@ def fitted_step(values: Array, part: int) -> float:
     while True:  # what is farther away tells it to more digits
         near = off[off <= reach * step]
         count = np.rint(near / step)
+        if np.abs(near / step - count).max() > ASTRAY:
+            return 0.0
         step = float(near @ count / (count @ count)) if count.any() else step
         if len(near) == len(off):
             break
