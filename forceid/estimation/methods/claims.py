@@ -158,7 +158,9 @@ def allow_for_priors(problem: Problem) -> Problem:
     problem = replace(problem, rivals=Rivals(rivals, state))
     growth = Rivals(rivals, state).growth()
     shown = {load: (looks[load].beside(slice(-a.shape[2], None)), std) for load, (a, std) in told.items()}
-    growth, said = body_told.allow_for_told(shown, state, growth)
+    doubt = {"force": problem.settings.body_std.mass_center, "moment": problem.settings.body_std.inertia}
+    unsaid = {load: one for load, one in shown.items() if not doubt[load]}
+    growth, said = body_told.allow_for_told(unsaid, state, growth)
     problem = problem.noting(*said)
     # the saw teeth of rounding would pass for a shape that rings
     rounded = problem.rounding > TENTH * kin.noise.get("position", np.inf)
@@ -171,7 +173,9 @@ def allow_for_priors(problem: Problem) -> Problem:
         return replace(problem, growth=growth)
     arm = float(np.sqrt(0.5 * np.trace(kin.inertia.tensor) / kin.inertia.mass))
     weightless = not problem.motion.gravity.any()
-    growth, said = inner_wheel.allow_for_wheels(looks["moment"], state, growth, arm, weightless)
+    growth, said = inner_wheel.allow_for_wheels(
+        looks["moment"], state, growth, arm, weightless, shown.get("moment")
+    )
     return replace(problem, growth=growth).noting(*said)
 
 
@@ -180,18 +184,18 @@ def told_of_body(
 ) -> dict[str, tuple[Array, float]]:
     """What a mass center and an inertia told as numbers may make of each channel, and how far off these are.
 
-    Not where settings say how well these are known, nor of mass told by its places.
+    As settings say, or as usual measurements leave them. Not of mass told by its places.
     """
     kin, doubt, told = problem.kin, problem.settings.body_std, {}
     if kin.inertia.nodal is not None or not kin.attitude or kin.deforms:
         return {}
-    if "force" in channels and not doubt.mass_center:
-        told["force"] = turned["force"], body_told.balanced(kin.inertia)
-    if "moment" in channels and not doubt.inertia:
+    if "force" in channels:
+        told["force"] = turned["force"], doubt.mass_center or body_told.balanced(kin.inertia)
+    if "moment" in channels:
         clock = channels["moment"].time
         omega = problem.state.omega[np.isin(problem.flight.time, clock)]
         wrong = body_told.by_inertia(clock, turned["moment"], omega, kin.inertia.tensor)
-        told["moment"] = wrong, body_told.SWUNG
+        told["moment"] = wrong, doubt.inertia or body_told.SWUNG
     return told
 
 

@@ -5,12 +5,13 @@ any moment from outside does. The torque h' of what spins a wheel up is a moment
 leaves a pattern that the motion fixes, and the record is more or less likely with it. So does a force that
 acts at a point which stands still, in the body or beside it: the foot of a top turns it as a wheel would that
 takes its momentum away. So does a moment that keeps to the body, of fins or a thrust, where the spin is
-steady. Beforehand a wheel is as likely as none, and where there is none, each of these as likely as none of
-them.
+steady, and an inertia told wrong. Beforehand a wheel is as likely as none, and where there is none, each of
+these as likely as none of them.
 
 Wheels are in the claim, weighed by their odds. One that takes the moment beyond its claim is said, unless the
 record excludes it, and is in the claim as if it were there. The verdict is degraded where a record shows it,
-by the odds that exclude one. What flies without weight touches nothing: there no force at a point is a rival.
+by odds that one in a hundred without a wheel may reach at most. What flies without weight touches nothing:
+there no force at a point is a rival.
 Source: principal equations 2.4.
 """
 
@@ -27,10 +28,10 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.smoother import FlightState
 from forceid.records import Array, Finding
-from forceid.significance import SIGMAS, TENTH
+from forceid.significance import CHANCE, SIGMAS, TENTH
 
 SPACING = 0.5 * np.log(10)  # of sizes of wheels, in logarithm: two a decade
-STRONG = 10.0  # odds by which a record excludes a wheel or shows one (Jeffreys, Theory of Probability, B)
+STRONG = 10.0  # odds by which a record excludes a wheel (Jeffreys, Theory of Probability, B)
 
 
 @dataclass(frozen=True)
@@ -61,12 +62,18 @@ def signals(time: Array, rotation: Array, force: Array) -> Array:
 
 
 def allow_for_wheels(
-    look: Whitened, state: FlightState, growth: Array, arm: float, weightless: bool
+    look: Whitened,
+    state: FlightState,
+    growth: Array,
+    arm: float,
+    weightless: bool,
+    told: tuple[Whitened, float] | None = None,
 ) -> tuple[Array, tuple[Finding, ...]]:
     """Growth ([time,] 6, 6) of claimed errors that allows for wheels as well; a finding on those beyond it.
 
     By the law of total variance: unlike a load, a wheel has a largest size that the variance may rest on.
-    look: at the channel of the moment, beside `signals`; arm m: of a force, the radius of gyration.
+    look: at the channel of the moment, beside `signals`; arm m: of a force, the radius of gyration; told: a
+    look beside what an inertia told wrong makes, and how far off it is.
     """
     edge, axes = len(state.wrench_cov) // 8, look.prior.axes_along(state.rotation)
     inner = slice(edge, len(state.wrench_cov) - edge)
@@ -74,6 +81,7 @@ def allow_for_wheels(
     wheel, turning, *points = (look.beside(slice(k, k + 3)) for k in (0, 3, 6, 9))
     found = wheels(wheel, length(state.H) / np.sqrt(3), TENTH * float(np.linalg.norm(claimed)))
     rivals = [(turning, length(state.moment)), *((point, arm) for point in points if not weightless)]
+    rivals += [told] if told is not None else []
     without = float(np.mean([1.0, *(np.exp(rival.gained(size)[0]) for rival, size in rivals if size)]))
     total = without + sum(wheel.odds for wheel in found)
     beyond = [wheel for wheel in found if (wheel.off > SIGMAS * claimed).any()]
@@ -90,7 +98,7 @@ def allow_for_wheels(
     first = max(beyond, key=lambda wheel: wheel.odds)
     said = note(
         "inner-wheel",
-        "degraded" if odds > STRONG * (total - odds) else "ok",
+        "degraded" if CHANCE * odds > total - odds else "ok",
         h_x=first.h[0],
         h_y=first.h[1],
         h_z=first.h[2],
