@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from forceid.config import Settings
-from forceid.estimation.body.deformation_residual import beyond_rigid
+from forceid.estimation.body.deformation_residual import Beyond, beyond_rigid
 from forceid.estimation.body.deforming.strains import strain_shapes
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.body.mass_center import tracked_mass_center, with_center, without_gaps
@@ -19,6 +19,7 @@ from forceid.flight.model import Flight
 from forceid.flight.smoother import FlightState
 from forceid.kalman.tuning.robust import drop_wild, unswap
 from forceid.records import Array, Body, Flags, Motion
+from forceid.significance import SIGMAS
 from forceid.timing import stage
 
 
@@ -92,9 +93,8 @@ def cleaned(body: Body, motion: Motion, kin: Kinematics | None = None) -> tuple[
     off = spikes(position)
     if kin is not None and kin.attitude:
         shown = beyond_rigid(motion.time, np.where(off[..., None], np.nan, position), kin)
-        # a body that strains as a whole may do so faster than a spike shows in what it does
-        for part in (shown, shown.without(strain_shapes(kin.shape, np.eye(3)))):
-            off[:, shown.kept] |= off_the_shape(part.y, part.basis)
+        shown = beside_strains(shown, kin)
+        off[:, shown.kept] |= off_the_shape(shown.y, shown.basis)
     if off.any():
         position = np.where(off[..., None], np.nan, position)
         by_marker = {body.node[k]: int(off[:, k].sum()) for k in np.argsort(-off.sum(0)) if off[:, k].any()}
@@ -102,6 +102,17 @@ def cleaned(body: Body, motion: Motion, kin: Kinematics | None = None) -> tuple[
         mended = replace(mended, spikes=by_marker, spikes_s=float(first), readings=seen)
     changed = traded or mended.stuck or off.any()
     return (replace(motion, position=position), mended) if changed else (motion, mended)
+
+
+def beside_strains(shown: Beyond, kin: Kinematics) -> Beyond:
+    """What markers do beside strains of the whole body, where it strains faster than a spike would show."""
+    rest = shown.without(strain_shapes(kin.shape, np.eye(3)))
+    both, beside = (np.square(np.diff(one.y, 2, axis=0)) for one in (shown, rest))
+    strains = shown.y.shape[1] - rest.y.shape[1]
+    if not strains or not rest.y.shape[1] or not np.isfinite(both).any():
+        return shown
+    strained = (np.nansum(both) - np.nansum(beside)) / strains
+    return rest if strained > SIGMAS**2 * np.nansum(beside) / rest.y.shape[1] else shown
 
 
 def without_wild_rates(motion: Motion) -> tuple[Motion, Mended]:
