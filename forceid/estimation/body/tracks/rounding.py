@@ -10,8 +10,8 @@ from forceid.records import Array
 
 FEW_VALUES = 10  # that chance puts on a grid: of more, eight would have to
 OFF_GRID = 0.01  # of a step: numbers of single precision that are rounded to it are nearer
-ASTRAY = 0.25  # of a step: by so much no number is off that a step told by nearer ones leads to
-PARTS = range(1, 9)  # of the least distance of two readings that the step may be, where hardly two are near
+NO_STEP = 0.25  # of a step: by so much no number is off that a step told by nearer ones leads to
+STEPS_IN_LEAST = range(1, 9)  # of the least distance of two readings that the step may be, where hardly two are near
 
 
 def grid_step(position: Array) -> float:
@@ -30,7 +30,7 @@ def grid_step(position: Array) -> float:
         values = np.unique(read[np.isfinite(read)])
         if len(values) < FEW_VALUES:
             continue
-        step = next((one for part in PARTS if (one := fitted_step(values, part))), 0.0)
+        step = next((one for part in STEPS_IN_LEAST if (one := fitted_step(values, part))), 0.0)
         if step and np.nanmax(np.abs(np.diff(read, 2, axis=0)), initial=0.0) > 0.5 * step:
             found = max(found, step)
     return found
@@ -43,7 +43,7 @@ def fitted_step(values: Array, part: int) -> float:
     while True:  # what is farther away tells it to more digits
         near = off[off <= reach * step]
         count = np.rint(near / step)
-        if np.abs(near / step - count).max() > ASTRAY:
+        if np.abs(near / step - count).max() > NO_STEP:
             return 0.0
         step = float(near @ count / (count @ count)) if count.any() else step
         if len(near) == len(off):
