@@ -11,7 +11,7 @@ from forceid.records import Array
 FEW_VALUES = 10  # that chance puts on a grid: of more, eight would have to
 OFF_GRID = 0.01  # of a step: numbers of single precision that are rounded to it are nearer
 NO_STEP = 0.25  # of a step: by so much no number is off that a step told by nearer ones leads to
-STEPS_IN_LEAST = range(1, 9)  # of the least distance of two readings that the step may be, where hardly two are near
+STEPS_IN_LEAST = range(1, 9)  # of a grid, in the least distance of two readings, where hardly two are near
 
 
 def grid_step(position: Array) -> float:
