@@ -15,5 +15,5 @@ THOUSANDTH = 1e-3  # of a standard deviation: numbers as near as that are the sa
 WORSE = 1.1  # times an error or a claim: an rms of a hundred samples is known to 7 % itself
 WHOLE = 0.99  # of a variance or of a square: all of it but a percent
 QUANTILE = 1.959964  # of the normal distribution: 95 % lie within, both sides together
-HANN = 2 / 3  # of the frequencies under a Hann window are as good as independent
+HANN = 18 / 35  # of the powers under a Hann window are as good as independent: (sum w^2)^2 / (n sum w^4)
 LAGS = 10  # samples up to which what should be white is looked at for correlation

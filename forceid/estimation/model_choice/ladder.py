@@ -218,5 +218,9 @@ def descend(
     first = bisect_left(nested[:-1], True, key=near)
     # above that, only those that are clearly near are worth another flight
     several = [i for k, i in enumerate(nested[first:]) if near(i) and (not k or steps[i].change <= CLEAR)]
-    taken = next((i for i in several if enough(i)), best)
-    return chosen(taken)
+    # the smallest is mostly enough; of the others, each of which costs a flight, the first that is by halving
+    rest = several[1:]
+    if not several or enough(several[0]):
+        return chosen(several[0] if several else best)
+    place = bisect_left(rest, True, key=enough)
+    return chosen(rest[place] if place < len(rest) else best)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri, digamma, gammaln
+from scipy.special import gammaln, ndtri
 
 from forceid.flight.color import Color, Colored, LowPassed, autocorrelation
 from forceid.kalman.tuning.robust import runs
@@ -32,7 +32,7 @@ WHITE = np.geomspace(
     TENTH**2, 1.0, 17
 )  # shares of the variance that are white: nothing is known to less than a tenth
 FINER = 1.5  # from one to the next of both, within which a second look is taken
-NOT_ALIKE = 1.3  # of markers of which some are twice as noisy as others, whatever their number: 1.27
+NOT_ALIKE = 1.3  # of markers of which some are twice as noisy as others, whatever their number: 1.25
 SPECTRAL = 16  # samples in a row from which a spectrum can be told
 FREEDOMS = np.geomspace(1.0, 64.0, 13)  # of Student's t that are tried: beyond, it is as good as normal
 SCALE_ROUNDS = 100  # of the fixed point of the scale at most: it gains a digit in some ten
@@ -126,8 +126,8 @@ def marker_errors(time: Array, y: Array) -> MarkerErrors | None:
         _, found, shape = filtered
         told = shape > TENTH
         spectrum, waves, std = shape[told], waves[told], float(np.sqrt(mean.mean()))
-    alike, lowest = waves / np.sqrt(spectrum)[:, None], int(2 * y.shape[1] / HANN)
-    octaves = lowest * 2 ** np.arange(max(int(np.log2(max(len(waves) / lowest, 1.0))), 0) + 1)
+    alike = waves / np.sqrt(spectrum)[:, None]
+    octaves = SPECTRAL * 2 ** np.arange(max(int(np.log2(max(len(waves) / SPECTRAL, 1.0))), 0) + 1)
     parts = [alike[first:last] for first, last in pairwise((0, *octaves.tolist()))]
     uneven = max(unevenness(part, CHANCE / len(parts)) for part in parts)
     return MarkerErrors(std, found, float(np.sqrt(2 / (n * count))), uneven, kurtosis, loud)
@@ -161,20 +161,19 @@ def low_passed(mean: Array, count: float, step: float) -> tuple[float, LowPassed
 
 
 def unevenness(waves: NDArray[np.complexfloating[Any, Any]], chance: float) -> float:
-    """Arithmetic over geometric mean of the variances along the axes of waves (bin, freedom).
+    """Root mean square over mean of the variances along the axes of waves (bin, freedom), fewer or more.
 
-    Over what these are on the mean of errors that are alike; one where such errors are as uneven in more than
-    a share `chance` of records. Source: the test of sphericity, Mauchly (1940), as Bartlett corrects it.
+    One where errors that are alike are as uneven in more than a share `chance` of records. Source: the test of
+    sphericity, John (1971), as Ledoit and Wolf (2002) have it for more numbers than samples.
     """
     m, dof = waves.shape[1], 2 * HANN * len(waves)
     size = np.linalg.eigvalsh((waves.conj().T @ waves).real)
-    if dof <= m or size[0] <= 0:
+    if not size.mean() > 0:
         return np.inf
-    apart = float(np.log(size.mean()) - np.log(size).mean())
-    test = (m * dof - (2 * m**2 + m + 2) / 6) * apart
-    if test < chdtri(m * (m + 1) / 2 - 1, chance):
+    apart = dof * (float(np.mean(size**2)) / float(size.mean()) ** 2 - 1) - (m + 1)
+    if apart < 2 * ndtri(1 - chance):
         return 1.0
-    return float(np.exp(apart + np.mean(digamma(0.5 * (dof - np.arange(m)))) - np.log(0.5 * dof)))
+    return float(np.sqrt(1 + apart / (dof + 1)))
 
 
 def tapered_spectrum(correlation: Array, shown: Array) -> Array:
