@@ -107,6 +107,16 @@ class LowPassed:
         f = (np.arange(1024) + 0.5) / 2048 / self.step
         return float(1 / self.power(f).mean())
 
+    def correlation(self, lag: Array) -> Array:
+        """Correlation of errors that are lag (...) samples apart.
+
+        >>> LowPassed(4, 5.0, 0.01).correlation(np.array([0, 7])).round(2).tolist()
+        [1.0, 0.44]
+        """
+        f = (np.arange(1024) + 0.5) / 2048 / self.step
+        power = self.power(f)
+        return np.asarray(np.cos(2 * np.pi * self.step * np.multiply.outer(lag, f)) @ power / power.sum())
+
     @property
     def every(self) -> int:
         """Samples from one to the next of which errors are independent."""

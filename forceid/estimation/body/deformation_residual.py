@@ -8,7 +8,7 @@ not affine, the map is the worse guess, however well it fits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import null_space
@@ -27,7 +27,7 @@ from forceid.motion import body_axes, fit_rotation
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Motion
 from forceid.rounding import SINGLE, SOLVED
-from forceid.significance import CHANCE, LAGS, SIGMAS
+from forceid.significance import CHANCE, LAGS, SIGMAS, WORSE
 
 TURNS = 16  # frames, evenly spread, at which what a turn does to errors is looked at
 KNOWN = 0.25  # standard error of a variance, as a part of it: its root is known to an eighth
@@ -38,7 +38,7 @@ class Beyond:
     """What no rigid motion explains, over the markers kept (node,).
 
     time (time,) s; y (time, freedom) m, NaN in frames not whole; basis (3 node, freedom) of y, orthonormal,
-    orthogonal to the rigid modes; var m2: of the noise in each.
+    orthogonal to the rigid modes; var m2: of the noise in each, and its correlation (lag,) from a frame on.
     """
 
     time: Array
@@ -46,6 +46,7 @@ class Beyond:
     basis: Array
     kept: Flags
     var: float
+    memory: Array = field(default_factory=lambda: np.zeros(LAGS))
 
     @property
     def frames(self) -> int:
@@ -54,8 +55,9 @@ class Beyond:
 
     def told_anew(self, color: LowPassed, std: float) -> Beyond:
         """The frames whose errors, of a deviation std m, are independent of tracks that were low-passed."""
-        new = slice(None, None, color.every)
-        return replace(self, time=self.time[new], y=self.y[new], var=color.counted * std**2)
+        new, memory = slice(None, None, color.every), color.correlation(color.every * np.arange(1, LAGS + 1))
+        var = color.counted * std**2
+        return replace(self, time=self.time[new], y=self.y[new], var=var, memory=memory)
 
     def of(self, shapes: Array) -> Array:
         """What shapes (mode, node, 3) look like in y: (mode, freedom)."""
@@ -181,16 +183,20 @@ def errors_gain(beyond: Beyond, errors: MarkerErrors, engine: Engine) -> float:
     return own - white - 0.5 * numbers * float(np.log(beyond.frames))
 
 
-def correlation(left: Array, dof: int) -> tuple[float, bool]:
-    """Largest autocorrelation of what a level leaves (time, freedom), and whether it is beyond chance."""
+def correlation(left: Array, dof: int, memory: Array) -> tuple[float, bool]:
+    """Largest autocorrelation of what a level leaves (time, freedom) beyond that of noise, memory (lag,); and
+    whether it is beyond chance, and makes the errors of some band clearly larger than those of noise.
+    """
     if dof < 1:
         return 0.0, False
     y = left[np.isfinite(left).all(1)]
     power = float((y**2).sum())
     lags = range(1, min(LAGS, len(y) // 2) + 1)
-    r = np.array([float((y[k:] * y[:-k]).sum()) for k in lags]) / max(power, 1e-300)
+    r = np.array([float((y[k:] * y[:-k]).sum()) for k in lags]) / max(power, 1e-300) - memory[: len(lags)]
     portmanteau = float((r**2).sum()) * len(y) * dof
-    return float(r[np.abs(r).argmax()]), bool(portmanteau > chdtri(len(r), CHANCE))
+    more = 2 * np.cos(np.outer(np.linspace(0, np.pi, 2 * LAGS), lags)) @ r  # of the density of noise
+    beyond = portmanteau > chdtri(len(r), CHANCE) and more.max() > WORSE**2 - 1
+    return float(r[np.abs(r).argmax()]), bool(beyond)
 
 
 def speaks_for_mass(kin: Kinematics, beyond: Beyond) -> bool:

@@ -27,7 +27,7 @@ from forceid.estimation.body.deformation_residual import (
     speaks_for_mass,
 )
 from forceid.estimation.body.kinematics import Kinematics, at_level
-from forceid.estimation.body.tracks.marker_errors import marker_errors
+from forceid.estimation.body.tracks.marker_errors import MarkerErrors, marker_errors
 from forceid.estimation.loads.channels import DrivenMotion, driven_motion
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.model_choice.levels import (
@@ -97,12 +97,15 @@ def choose_level(
         said = f"{beyond.frames} frames that show every marker are too few to tell levels apart"
         return without_choice(solution.kinematics.model, said), solution
     own_modes = brings_modes(markers.body, most)
+    several, least = levels(markers, settings, most), 0
     errors = marker_errors(beyond.time, beyond.y)
-    if errors is not None and errors.alike and isinstance(errors.color, LowPassed):
-        beyond, errors = beyond.told_anew(errors.color, errors.std), replace(errors, color=None)
+    if errors is not None and isinstance(errors.color, LowPassed):
+        told = told_apart(beyond, errors, several)
+        if told is not None:
+            (beyond, least), errors = told, replace(errors, color=None)
     candidates = [
         level
-        for level in levels(markers, settings, most)
+        for level in several
         if level.settings.model != "affine" or speaks_for_mass(level.seen, beyond)
     ]
     if len(candidates) < 2 or (
@@ -118,7 +121,30 @@ def choose_level(
         return without_shapes("errors of the markers, alike in all that no motion makes, explain it better")
     # modes that a body brings are taken, whether shapes show them or poses alone, unless rigid is as good
     best = len(candidates) - 1 if own_modes else explaining(steps)
-    return descend(motion, candidates, steps, best, engine, solve)
+    # what a smaller level leaves would hide the filter that tracks went through
+    first = [len(level.shapes) >= least for level in candidates].index(True)
+    return descend(motion, candidates, steps, best, engine, solve, first)
+
+
+def told_apart(
+    beyond: Beyond, errors: MarkerErrors, candidates: list[LevelCandidate]
+) -> tuple[Beyond, int] | None:
+    """What moves beyond the rigid motion, in frames whose errors are independent, of low-passed tracks.
+
+    And how many shapes it takes until the errors beside them are alike, so that a filter shows in them; None
+    where none does. errors: of all that moves.
+    """
+    for level in candidates:
+        found: MarkerErrors | None = errors
+        if len(level.shapes):
+            left = beyond.without(level.shapes)
+            found = marker_errors(left.time, left.y)
+        if found is not None and found.alike:
+            color = found.color
+            if not isinstance(color, LowPassed):
+                return None
+            return beyond.told_anew(color, found.std), len(level.shapes)
+    return None
 
 
 def rigid_fits(kin: Kinematics) -> bool:
@@ -146,8 +172,12 @@ def descend(
     best: int,
     engine: Engine,
     solve: SolveLevel,
+    first: int = 0,
 ) -> tuple[LevelChoice, Solution]:
-    """From the level that explains the motion, the best one, down to the smallest that is enough."""
+    """From the level that explains the motion, the best one, down to the smallest that is enough.
+
+    first: the smallest that comes in question.
+    """
     steps = list(steps)
     shown: dict[int, DrivenMotion] = {}
 
@@ -172,17 +202,17 @@ def descend(
             solution = replace(solution, state=replace(solution.state, wrench_cov=cov))
         return LevelChoice(steps[i].model, said, steps[i], tuple(steps)), solution
 
-    if not best:
+    if best <= first:
         return chosen(best)
     # to mass that neither markers nor shapes follow all levels are blind: their distance proves nothing
-    if look(best).unfollowed.any() and look(best).hidden is None:
+    if not first and look(best).unfollowed.any() and look(best).hidden is None:
         if claims_more(solved(0), solved(best)) >= claims_more(solved(best), solved(0)):
             return chosen(best)
         force, moment = moves(solved(0), solved(best))
         steps[0] = replace(steps[0], force_change=force, moment_change=moment)
         return chosen(0)
     # mass without markers may deform whether shapes are few or many, but a rigid body denies it
-    least = 0 if look(best).hidden is None else 1
+    least = first if look(best).hidden is None else max(first, 1)
     nested = [i for i in range(least, best) if steps[i].model != "affine"]
     if steps[best].model == "affine" and free_shapes(candidates[best].markers.body, look(best)):
         # few shapes that are found, each a direction chosen, are no smaller than strains that are given
@@ -215,9 +245,9 @@ def descend(
     if not near(nested[-1]):
         return chosen(best)
     # the fewer the shapes, the farther force and moment move: the first that is near is found by halving
-    first = bisect_left(nested[:-1], True, key=near)
+    smallest = bisect_left(nested[:-1], True, key=near)
     # above that, only those that are clearly near are worth another flight
-    several = [i for k, i in enumerate(nested[first:]) if near(i) and (not k or steps[i].change <= CLEAR)]
+    several = [i for k, i in enumerate(nested[smallest:]) if near(i) and (not k or steps[i].change <= CLEAR)]
     # the smallest is mostly enough; of the others, each of which costs a flight, the first that is by halving
     rest = several[1:]
     if not several or enough(several[0]):

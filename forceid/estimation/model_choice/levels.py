@@ -175,7 +175,7 @@ def weigh(
             chosen += modes * freedom - modes * (modes + 1) // 2
         chi = float(np.nansum(left**2) / beyond.var / frames / dof) if dof else 1.0
         nis = float(each_nis[span.columns].mean()) if modes else 1.0
-        color, colored = correlation(left, dof)
+        color, colored = correlation(left, dof, beyond.memory)
         vetoed = colored or chi > chance(dof * frames, stated) or nis > chance(modes * frames, stated)
         evidence = float(gain[span.columns].sum()) - 0.5 * chosen * float(np.log(frames))
         steps.append(Step(candidate.settings.model, len(candidate.shapes), chi, nis, color, vetoed, evidence))
