@@ -97,12 +97,13 @@ def choose_level(
         said = f"{beyond.frames} frames that show every marker are too few to tell levels apart"
         return without_choice(solution.kinematics.model, said), solution
     own_modes = brings_modes(markers.body, most)
-    several, least = levels(markers, settings, most), 0
-    errors = marker_errors(beyond.time, beyond.y)
-    if errors is not None and isinstance(errors.color, LowPassed):
-        told = told_apart(beyond, errors, several)
-        if told is not None:
-            (beyond, least), errors = told, replace(errors, color=None)
+    several, noise = levels(markers, settings, most), np.sqrt(beyond.var)
+    errors, least = errors_beside(beyond, several)
+    alike, stated = errors is not None and errors.alike, all(most.stated.values())
+    if errors is not None and stated and errors.as_stated(noise):
+        alike, least = alike and not least, 0
+    if errors is not None and alike and isinstance(errors.color, LowPassed):
+        beyond, errors = beyond.told_anew(errors.color, errors.std), replace(errors, color=None)
     candidates = [
         level
         for level in several
@@ -112,39 +113,34 @@ def choose_level(
         not own_modes and not len(most.shapes) and quiet(beyond, candidates[-1], most)
     ):
         return without_shapes("no deformation stands out of the noise")
-    steps = weigh(beyond, candidates, free_shapes(markers.body, most), all(most.stated.values()), engine)
+    steps = weigh(beyond, candidates, free_shapes(markers.body, most), stated, engine)
     if (
         errors is not None
-        and errors.alike
+        and alike
+        and not least
         and errors_gain(beyond, errors, engine) > max(s.evidence for s in steps[1:])
     ):
         return without_shapes("errors of the markers, alike in all that no motion makes, explain it better")
+    # what smaller levels leave would pass for noise
+    first = next((i for i, level in enumerate(candidates) if len(level.shapes) >= least), 0)
     # modes that a body brings are taken, whether shapes show them or poses alone, unless rigid is as good
-    best = len(candidates) - 1 if own_modes else explaining(steps)
-    # what a smaller level leaves would hide the filter that tracks went through
-    first = [len(level.shapes) >= least for level in candidates].index(True)
+    best = len(candidates) - 1 if own_modes else explaining(steps, first)
     return descend(motion, candidates, steps, best, engine, solve, first)
 
 
-def told_apart(
-    beyond: Beyond, errors: MarkerErrors, candidates: list[LevelCandidate]
-) -> tuple[Beyond, int] | None:
-    """What moves beyond the rigid motion, in frames whose errors are independent, of low-passed tracks.
+def errors_beside(beyond: Beyond, candidates: list[LevelCandidate]) -> tuple[MarkerErrors | None, int]:
+    """Errors of the markers beside the fewest shapes that leave them alike, and how many these are.
 
-    And how many shapes it takes until the errors beside them are alike, so that a filter shows in them; None
-    where none does. errors: of all that moves.
+    Those beside none where no level leaves them so.
     """
+    rigid = marker_errors(beyond.time, beyond.y)
     for level in candidates:
-        found: MarkerErrors | None = errors
+        found = rigid
         if len(level.shapes):
-            left = beyond.without(level.shapes)
-            found = marker_errors(left.time, left.y)
+            found = marker_errors(beyond.time, beyond.without(level.shapes).y)
         if found is not None and found.alike:
-            color = found.color
-            if not isinstance(color, LowPassed):
-                return None
-            return beyond.told_anew(color, found.std), len(level.shapes)
-    return None
+            return found, len(level.shapes)
+    return rigid, 0
 
 
 def rigid_fits(kin: Kinematics) -> bool:

@@ -188,8 +188,13 @@ def chance(dof: int, stated: bool) -> float:
     return limit if stated else max(limit, NIS_BAND[1])
 
 
-def explaining(steps: list[Step]) -> int:
-    """The level of most evidence; where that is vetoed, the next above that is not, if there is one."""
+def explaining(steps: list[Step], first: int = 0) -> int:
+    """The level of most evidence, from a first one on that leaves noise, where one is known.
+
+    Else, where that of most evidence is vetoed, the next above that is not, if there is one.
+    """
     best = int(np.argmax([s.evidence for s in steps]))
+    if first:
+        return max(best, first)
     above = (i for i in range(best, len(steps)) if not steps[i].vetoed)
     return next(above, best)

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from forceid.config import load_settings
-from forceid.estimation.body.tracks.marker_errors import marker_errors
+from forceid.estimation.body.tracks.marker_errors import marker_errors, unevenness
 from forceid.estimation.run import estimate_recording
 from forceid.flight.color import Color, LowPassed
 from forceid.records import Body, Motion, Recording
@@ -38,6 +38,18 @@ def test_white_errors_are_hardly_ever_said_to_have_a_memory():
         rng = np.random.default_rng([8, seed])
         said += marker_errors(STEP * np.arange(200), rng.standard_normal((200, 6))).color is not None
     assert said <= 1
+
+
+@pytest.mark.parametrize(("samples", "numbers"), [(40, 4), (60, 45), (120, 45), (400, 12), (1000, 30)])
+def test_errors_that_are_alike_are_called_uneven_by_chance_as_often_as_stated(samples, numbers):
+    """With fewer samples than numbers as well."""
+    n, called = samples, []
+    taper = np.sin(np.pi * (np.arange(n) + 0.5) / n)[:, None] ** 2
+    for seed in range(300):
+        y = np.random.default_rng([16, seed]).standard_normal((n, numbers))
+        waves = np.fft.rfft(y * taper, axis=0)[2:-1]
+        called.append(unevenness(waves, 0.01) > 1)
+    assert np.mean(called) < 0.03  # three standard errors above 0.01, and what few samples are off by
 
 
 def test_a_motion_in_one_of_the_numbers_is_no_error_of_markers():

@@ -9,6 +9,7 @@ from pathlib import Path
 import closed_forms as cf
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from forceid.config import load_settings
 from forceid.estimation.body.deformation_residual import (
@@ -26,6 +27,7 @@ from forceid.estimation.model_choice.levels import LevelCandidate, Step, explain
 from forceid.estimation.run import estimate_recording
 from forceid.files.result import read_result, write_result
 from forceid.files.stored.hdf5 import read_motion
+from forceid.flight.color import LowPassed
 from forceid.kalman.engines import engine
 from forceid.report.page import render_page
 from forceid.scenes.recipe import load_recipe, simulate
@@ -251,10 +253,38 @@ def test_markers_seen_least_are_left_out():
 
 def test_color_of_what_is_left_is_called_by_chance_as_often_as_stated():
     rng = np.random.default_rng(5)
-    called = [correlation(rng.standard_normal((200, 12)), 12)[1] for _ in range(400)]
-    assert 0 <= np.mean(called) < 0.025  # 0.01 stated: three standard errors are 0.015
+    white, none = [rng.standard_normal((200, 12)) for _ in range(400)], np.zeros(10)
+    assert np.mean([correlation(y, 12, none)[1] for y in white]) < 0.025  # 0.01 stated: 3 standard errors more
     slow = np.cumsum(rng.standard_normal((200, 12)), axis=0)
-    assert correlation(slow, 12)[1]
+    assert correlation(slow, 12, none)[1]
+
+
+def test_noise_whose_memory_is_known_is_not_called_colored():
+    color = LowPassed(2, 0.2, 1.0)
+    rng, sos = np.random.default_rng(6), butter(2, 0.4, output="sos")
+    called = []
+    for _ in range(100):
+        y = sosfiltfilt(sos, rng.standard_normal((700, 12)), axis=0)[50:-50]
+        beyond = Beyond(np.arange(600.0), y, np.eye(12), np.ones(4, bool), 1.0).told_anew(color, y.std())
+        assert np.mean(beyond.y**2) * color.counted == pytest.approx(beyond.var, rel=0.1)
+        called.append(correlation(beyond.y, 12, beyond.memory)[1])
+    assert np.mean(called) < 0.05
+
+
+@pytest.mark.parametrize("cut", [0.1, 0.25])
+def test_a_body_that_deforms_is_seen_to_do_so_in_tracks_that_were_low_passed(cut):
+    """Beside its strains the errors of the markers are alike, and end at the cut."""
+    recording = scene("affine", 3e-4, 1)
+    sos = butter(2, 2 * cut, output="sos")
+    tracks = sosfiltfilt(sos, recording.motion.position, axis=0)
+    motion = replace(recording.motion, position=tracks, noise_std={})
+    found = estimate_recording(replace(recording, motion=motion), load_settings())
+    assert found.model == "affine"
+    assert found.verdict.level == "ok"
+    edge = len(tracks) // 8
+    for name in ("force", "moment"):
+        off, std = getattr(found, name) - recording.truth[name], getattr(found, f"{name}_std")
+        assert cf.rms(off[edge:-edge]) < 2 * cf.rms(std[edge:-edge])
 
 
 def test_vetoed_level_gives_way_to_the_next_that_is_not():
