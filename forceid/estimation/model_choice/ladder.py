@@ -114,17 +114,18 @@ def choose_level(
     ):
         return without_shapes("no deformation stands out of the noise")
     steps = weigh(beyond, candidates, free_shapes(markers.body, most), stated, engine)
-    if (
-        errors is not None
-        and alike
-        and not least
-        and errors_gain(beyond, errors, engine) > max(s.evidence for s in steps[1:])
-    ):
-        return without_shapes("errors of the markers, alike in all that no motion makes, explain it better")
-    # what smaller levels leave would pass for noise
+    # what smaller levels leave would pass for noise, and errors that are alike would pass for further shapes
     first = next((i for i, level in enumerate(candidates) if len(level.shapes) >= least), 0)
+    best = explaining(steps, first)
+    if errors is not None and alike:
+        left = beyond.without(candidates[first].shapes) if first else beyond
+        if steps[first].evidence + errors_gain(left, errors, engine) > max(s.evidence for s in steps[1:]):
+            best = first
+            if not first:
+                said = "errors of the markers, alike in all that no motion makes, explain it better"
+                return without_shapes(said)
     # modes that a body brings are taken, whether shapes show them or poses alone, unless rigid is as good
-    best = len(candidates) - 1 if own_modes else explaining(steps, first)
+    best = len(candidates) - 1 if own_modes else best
     return descend(motion, candidates, steps, best, engine, solve, first)
 
 

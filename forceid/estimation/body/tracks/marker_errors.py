@@ -150,7 +150,7 @@ def low_passed(mean: Array, count: float, step: float) -> tuple[float, LowPassed
             told = shape > NOTHING
             level = float((mean[told] / shape[told]).mean(where=shape[told] > 0.5))
             left = np.maximum(mean[~told], np.finfo(float).tiny)
-            if told.all() or left.max() > TENTH * level:
+            if told.all() or left.mean() > NOTHING * level:  # more than the filter lets pass
                 continue
             expected = level * shape[told]
             misfit = (np.log(expected) + mean[told] / expected).sum() + (np.log(left) + 1).sum()
