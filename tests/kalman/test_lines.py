@@ -206,10 +206,11 @@ def test_line_whose_phase_drifts_is_let_drift_and_a_steady_one_is_not():
         true = line(std=0.5, bandwidth=bandwidth, driven=bandwidth > 1)
         z, _ = recorded(33, (true,))
 
-        def likely(one, z=z):
-            return float(log_likelihood(model_of((one,)), z))
+        def likely(lines, z=z):
+            return float(log_likelihood(model_of(lines), z))
 
-        assert let_drift(likely, line(std=0.5), SPAN).driven is drifts
+        (found,) = let_drift(likely, (line(std=0.5),), SPAN)
+        assert found.driven is drifts
 
 
 def test_innovations_name_the_harmonic_and_any_other_line_and_are_quiet_where_white():

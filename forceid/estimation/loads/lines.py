@@ -104,19 +104,19 @@ def with_line(
     if not (left := axes_left(candidate.frequency, prior.lines, flight.time)):
         return prior
     model, z = seen_part(flight, prior, about)
-    for line in find_line(model, engine.filter(model, z), flight.time, prior.axes, candidate, left):
+    found = find_line(model, engine.filter(model, z), flight.time, prior.axes, candidate, left)
+    if not found:
+        return prior
 
-        def likelihood(line: Line, prior: LoadPrior = prior) -> float:
-            model, z = seen_part(flight, with_another_line(prior, line), about)
-            return float(engine.log_likelihood(model, z))
+    def likelihood(lines: tuple[Line, ...]) -> float:
+        return float(engine.log_likelihood(*seen_part(flight, with_more_lines(prior, lines), about)))
 
-        prior = with_another_line(prior, let_drift(likelihood, line, float(np.ptp(flight.time))))
-    return prior
+    return with_more_lines(prior, let_drift(likelihood, found, float(np.ptp(flight.time))))
 
 
-def with_another_line(prior: LoadPrior, line: Line) -> LoadPrior:
-    """The prior with one line more."""
-    return replace(prior, lines=(*prior.lines, line))
+def with_more_lines(prior: LoadPrior, lines: tuple[Line, ...]) -> LoadPrior:
+    """The prior with more lines."""
+    return replace(prior, lines=(*prior.lines, *lines))
 
 
 def widened_by_ringing(

@@ -244,9 +244,11 @@ def find_line(
     return tuple(Line(at, size, decay, along, driven=False, loose=loose) for along in each)
 
 
-def let_drift(likelihood: Callable[[Line], float], line: Line, span: float) -> Line:
-    """The line, driven and its phase free to drift, if the likelihood of the record says so by e^2."""
-    tried = [line, *(replace(line, bandwidth=b / span, driven=True) for b in DRIFTS)]
-    value = [likelihood(t) for t in tried]
+def let_drift(
+    likelihood: Callable[[tuple[Line, ...]], float], lines: tuple[Line, ...], span: float
+) -> tuple[Line, ...]:
+    """Lines of one oscillation, driven and their phase free to drift, if the likelihood says so by e^2."""
+    tried = [lines, *(tuple(replace(one, bandwidth=b / span, driven=True) for one in lines) for b in DRIFTS)]
+    value = [likelihood(each) for each in tried]
     best = int(np.argmax(value))
-    return tried[best] if value[best] > value[0] + 2 * NUMBER else line
+    return tried[best] if value[best] > value[0] + 2 * NUMBER else lines
