@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from forceid.config import load_settings
-from forceid.estimation.body.tracks.marker_errors import marker_errors, unevenness
+from forceid.estimation.body.tracks.marker_errors import marker_errors, sphericity
 from forceid.estimation.run import estimate_recording
 from forceid.flight.color import Color, LowPassed
 from forceid.records import Body, Motion, Recording
@@ -41,15 +41,30 @@ def test_white_errors_are_hardly_ever_said_to_have_a_memory():
 
 
 @pytest.mark.parametrize(("samples", "numbers"), [(40, 4), (60, 45), (120, 45), (400, 12), (1000, 30)])
-def test_errors_that_are_alike_are_called_uneven_by_chance_as_often_as_stated(samples, numbers):
+def test_variances_that_are_alike_are_so_within_their_deviation(samples, numbers):
     """With fewer samples than numbers as well."""
-    n, called = samples, []
+    n, found = samples, []
     taper = np.sin(np.pi * (np.arange(n) + 0.5) / n)[:, None] ** 2
     for seed in range(300):
         y = np.random.default_rng([16, seed]).standard_normal((n, numbers))
-        waves = np.fft.rfft(y * taper, axis=0)[2:-1]
-        called.append(unevenness(waves, 0.01) > 1)
-    assert np.mean(called) < 0.03  # three standard errors above 0.01, and what few samples are off by
+        apart, off = sphericity(np.fft.rfft(y * taper, axis=0)[2:-1])
+        found.append(apart / off)
+    assert np.mean(found) == pytest.approx(0.0, abs=0.6)  # as few samples leave it
+    assert np.std(found) == pytest.approx(1.0, abs=0.25)
+
+
+@pytest.mark.parametrize("louder", [0.0, 0.2, 0.5])
+def test_errors_are_alike_where_some_markers_are_twice_as_noisy_and_a_small_motion_is_no_error(louder):
+    """A fifth of the size of the errors in one of 24 numbers, at a few frequencies."""
+    alike, moved = 0, 0
+    for seed in range(40):
+        rng = np.random.default_rng([17, seed])
+        y = rng.standard_normal((600, 24)) * np.where(np.arange(24) < 24 * louder, 2.0, 1.0)
+        alike += marker_errors(STEP * np.arange(600), y).alike
+        y[:, -1] += 0.4 * np.cumsum(rng.standard_normal(600))
+        moved += not marker_errors(STEP * np.arange(600), y).alike
+    assert alike >= 32  # of 40: where some are noisier, frames may pass for louder
+    assert moved >= 32
 
 
 def test_a_motion_in_one_of_the_numbers_is_no_error_of_markers():

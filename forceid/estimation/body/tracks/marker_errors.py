@@ -10,7 +10,6 @@ Assoc. 84 (1989) 881). Source: theory of one model, section 3.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from forceid.flight.color import Color, Colored, LowPassed, autocorrelation
 from forceid.kalman.tuning.robust import runs
 from forceid.records import Array
 from forceid.rounding import SINGLE
-from forceid.significance import CHANCE, HANN, NUMBER, PATIENCE, SIGMAS, TENTH, WILD
+from forceid.significance import CHANCE, HANN, NUMBER, PATIENCE, SIGMAS, TENTH, WILD, WORSE
 
 COLORS = (1, 2)  # orders of errors with a memory: walks
 FILTERS = (2, 4)  # orders of filters at the source: Butterworth, both ways
@@ -32,7 +31,7 @@ WHITE = np.geomspace(
     TENTH**2, 1.0, 17
 )  # shares of the variance that are white: nothing is known to less than a tenth
 FINER = 1.5  # from one to the next of both, within which a second look is taken
-NOT_ALIKE = 1.3  # of markers of which some are twice as noisy as others, whatever their number: 1.25
+TWICE_AS_NOISY = 1.25**2 - 1  # `sphericity` of markers of which a fifth are; of any other share, less
 SPECTRAL = 16  # samples in a row from which a spectrum can be told
 FREEDOMS = np.geomspace(1.0, 64.0, 13)  # of Student's t that are tried: beyond, it is as good as normal
 SCALE_ROUNDS = 100  # of the fixed point of the scale at most: it gains a digit in some ten
@@ -57,7 +56,7 @@ class MarkerErrors:
     @property
     def alike(self) -> bool:
         """Whether they may be errors of markers, and are no motion that is larger in some of the numbers."""
-        return self.uneven < NOT_ALIKE
+        return self.uneven < WORSE
 
     def as_stated(self, std: float) -> bool:
         """Whether they may well be white ones of a stated standard deviation."""
@@ -126,10 +125,7 @@ def marker_errors(time: Array, y: Array) -> MarkerErrors | None:
         _, found, shape = filtered
         told = shape > TENTH
         spectrum, waves, std = shape[told], waves[told], float(np.sqrt(mean.mean()))
-    alike = waves / np.sqrt(spectrum)[:, None]
-    octaves = SPECTRAL * 2 ** np.arange(max(int(np.log2(max(len(waves) / SPECTRAL, 1.0))), 0) + 1)
-    parts = [alike[first:last] for first, last in pairwise((0, *octaves.tolist()))]
-    uneven = max(unevenness(part, CHANCE / len(parts)) for part in parts)
+    uneven = unevenness(waves / np.sqrt(spectrum)[:, None])
     return MarkerErrors(std, found, float(np.sqrt(2 / (n * count))), uneven, kurtosis, loud)
 
 
@@ -160,20 +156,34 @@ def low_passed(mean: Array, count: float, step: float) -> tuple[float, LowPassed
     return best
 
 
-def unevenness(waves: NDArray[np.complexfloating[Any, Any]], chance: float) -> float:
-    """Root mean square over mean of the variances along the axes of waves (bin, freedom), fewer or more.
+def unevenness(waves: NDArray[np.complexfloating[Any, Any]]) -> float:
+    """How uneven variances along the axes of waves (bin, freedom) are in their most uneven octave, over all.
 
-    One where errors that are alike are as uneven in more than a share `chance` of records. Source: the test of
-    sphericity, John (1971), as Ledoit and Wolf (2002) have it for more numbers than samples.
+    As the root mean square of variances over their mean. One where errors that have one shape at all
+    frequencies are as uneven in more than a share CHANCE of records. Markers of which some are noisier than
+    others are so in every octave, a motion is not. Source: the test of sphericity, John (1971), as Ledoit and
+    Wolf (2002) have it for more numbers than samples.
+    """
+    octaves = SPECTRAL * 2 ** np.arange(max(int(np.log2(len(waves) / SPECTRAL)), 0))
+    parts = [part for part in np.split(waves, octaves) if len(part)]
+    apart, off = np.transpose([sphericity(part) for part in parts])
+    off *= ndtri(1 - CHANCE / len(parts))
+    most = TWICE_AS_NOISY if len(parts) > 1 else 0.0  # of the markers, where all octaves bear it out
+    own = float(np.clip((apart + off * (1 + np.maximum(apart, 0.0))).min(), 0.0, most))
+    return float(np.sqrt((1 + apart) / (1 + own)).max(where=apart - own > off * (1 + own), initial=1.0))
+
+
+def sphericity(waves: NDArray[np.complexfloating[Any, Any]]) -> tuple[float, float]:
+    """Variance of the variances along the axes of waves (bin, freedom), over their mean squared.
+
+    And its standard deviation where they are alike; where they are not, it grows with what it is beyond -1.
     """
     m, dof = waves.shape[1], 2 * HANN * len(waves)
     size = np.linalg.eigvalsh((waves.conj().T @ waves).real)
     if not size.mean() > 0:
-        return np.inf
-    apart = dof * (float(np.mean(size**2)) / float(size.mean()) ** 2 - 1) - (m + 1)
-    if apart < 2 * ndtri(1 - chance):
-        return 1.0
-    return float(np.sqrt(1 + apart / (dof + 1)))
+        return np.inf, 0.0
+    apart = float(np.mean(size**2)) / float(size.mean()) ** 2 - 1
+    return (dof * apart - (m + 1)) / (dof + 1), 2 / dof
 
 
 def tapered_spectrum(correlation: Array, shown: Array) -> Array:
