@@ -55,8 +55,8 @@ class Beyond:
 
     def told_anew(self, color: LowPassed, std: float) -> Beyond:
         """The frames whose errors, of a deviation std m, are independent of tracks that were low-passed."""
-        new, memory = slice(None, None, color.every), color.correlation(color.every * np.arange(1.0, LAGS + 1))
-        var = color.counted * std**2
+        new, var = slice(None, None, color.every), color.counted * std**2
+        memory = color.correlation(color.every * np.arange(1.0, LAGS + 1))
         return replace(self, time=self.time[new], y=self.y[new], var=var, memory=memory)
 
     def of(self, shapes: Array) -> Array:
