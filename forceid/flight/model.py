@@ -33,7 +33,7 @@ from forceid.flight.modes import FlyingModes, bent, with_strain_channels
 from forceid.flight.priors.protocol import CONSTANT, INTEGRAL, LOAD, MOMENTUM, LoadPrior
 from forceid.kalman.building.process import block_diagonal
 from forceid.kalman.model import StateSpace, at_all_times, same_at_all_times
-from forceid.motion import SHOWN_TURN, SUBSTEP
+from forceid.motion import SHOWN_TURN, substeps
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array, KnownPart
 
@@ -163,11 +163,11 @@ def trajectory_of(flight: Flight, R: Array, H: Array, T: Array, dT: Array) -> Re
         H, T, dT = flight.whole(H), T + b, dT + c
     inertia, h = cubics(flight.time, flight.inertia), cubics(flight.time, flight.h)
     body = (R[:-1].swapaxes(1, 2) @ H[:-1, :, None])[..., 0] - h[3]
-    omega = np.einsum("tij,tj->ti", np.broadcast_to(np.linalg.inv(inertia[3]), (len(step), 3, 3)), body)
-    far = float((np.linalg.norm(omega, axis=1) * step).max())
+    J = np.broadcast_to(inertia[3], (len(step), 3, 3))
+    far = float((np.linalg.norm(np.linalg.solve(J, body[..., None])[..., 0], axis=1) * step).max())
     if not far < SHOWN_TURN:
         raise EstimationError(f"does not settle: it turns by {far:.0f} rad in a step", *unsettled(flight))
-    n = max(1, int(np.ceil(far / SUBSTEP)))
+    n = substeps(step, body, J)
     return ReferenceTrajectory(step, R, H, T, dT, inertia, h, n)
 
 

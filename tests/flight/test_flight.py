@@ -62,8 +62,8 @@ def test_one_step_of_the_rotation_is_that_of_dop853(step):
 def test_a_step_converges_with_order_four_in_its_substeps(monkeypatch):
     flight, reference, _ = driven_top(0.04)
     error = []
-    for substep in (0.1, 0.05):
-        monkeypatch.setattr(flight_model, "SUBSTEP", substep)
+    for count in (10, 20):
+        monkeypatch.setattr(flight_model, "substeps", lambda *_, count=count: count)
         R, _, _ = steps_of(flight, reference)
         error.append(np.abs(log(R @ reference.rotation[1:].swapaxes(1, 2))).max())
     assert 3.7 < np.log2(error[0] / error[1]) < 4.5

@@ -49,6 +49,21 @@ def test_a_free_body_turns_as_its_equations_say_and_the_derivatives_are_those_of
             np.testing.assert_allclose(by[0, :, k], theta, atol=5e-3 * np.abs(by[0]).max())
 
 
+@pytest.mark.parametrize("width", [0.3, 0.1, 0.05])
+def test_what_an_error_makes_of_the_turn_of_a_slender_body_is_known_to_a_thousandth(width):
+    """A rod that tumbles by 0.2 rad in a step, whose errors swing by up to 4 rad in it."""
+    inertia = np.diag([width**2, 1.0, 1.0])[None]
+    step, R = np.array([0.01]), Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()[None]
+    H = (R @ [0.5 * width**2, 20.0, 1.0])[0]
+    to, by_R, _ = free_turn(step, R, H[None], inertia, np.zeros((1, 3)))
+    moved = np.empty((3, 3))
+    for k, nudge in enumerate(Rotation.from_rotvec(1e-7 * np.eye(3)).as_matrix()):
+        turned = [free_turn(step, way @ R, H[None], inertia, np.zeros((1, 3)))[0] for way in (nudge, nudge.T)]
+        moved[:, k] = Rotation.from_matrix(turned[0] @ turned[1].mT).as_rotvec()[0] / 2e-7
+    assert np.abs(moved).max() > 0.5 / width  # along the rod the error grows
+    np.testing.assert_allclose(by_R[0], moved, atol=2e-3 * np.abs(moved).max())
+
+
 @pytest.mark.parametrize("share", [0.1, 0.7, 0.95])
 def test_momentum_between_frames_is_that_of_the_body_up_to_half_a_turn(share):
     time, R, H = flying(share)
