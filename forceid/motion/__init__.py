@@ -19,13 +19,13 @@ from forceid.motion.frames import poses_about as poses_about
 from forceid.motion.frames import second_order as second_order
 from forceid.motion.free_rotation import SHOWN_TURN as SHOWN_TURN
 from forceid.motion.free_rotation import SUBSTEP as SUBSTEP
-from forceid.motion.free_rotation import substeps as substeps
 from forceid.motion.free_rotation import WIDE_STEP as WIDE_STEP
 from forceid.motion.free_rotation import apply as apply
 from forceid.motion.free_rotation import free_turn as free_turn
 from forceid.motion.free_rotation import largest_turn as largest_turn
 from forceid.motion.free_rotation import momentum_between as momentum_between
 from forceid.motion.free_rotation import rotation_vector_rate as rotation_vector_rate
+from forceid.motion.free_rotation import substeps as substeps
 from forceid.motion.pose import FrameFit as FrameFit
 from forceid.motion.pose import body_axes as body_axes
 from forceid.motion.pose import exp as exp

@@ -60,9 +60,9 @@ def free_turn(step: Array, R: Array, H: Array, J: Array, h: Array) -> tuple[Arra
 def substeps(step: Array, H: Array, J: Array) -> int:
     """Substeps of steps (n,) s of bodies of momenta H (n, 3) and inertias J (n, 3, 3), body axes.
 
-    As many as follow the turn, and an error of it to a thousandth. That swings with the eigenvalues of
-    J^-1 [H]x, of a slender body that tumbles far faster than it turns; that the middle of a substep stands for
-    it misses swing^4 / (12 turn) of it, over the square of their number (Magnus 1954).
+    As many as follow the turn, and an error of it to a thousandth. That swings by the eigenvalues of
+    J^-1 [H]x, of a slender body that tumbles far faster than it turns. The middle of a substep stands for it,
+    which misses swing^4 / (12 turn) of it over the square of their number (Magnus 1954).
 
     >>> rod = np.diag([1e-4, 1e-2, 1e-2])[None]
     >>> substeps(np.array([0.01]), np.array([[0.0, 0.1, 0.0]]), rod)  # ten radians a second

@@ -55,7 +55,7 @@ def test_what_an_error_makes_of_the_turn_of_a_slender_body_is_known_to_a_thousan
     inertia = np.diag([width**2, 1.0, 1.0])[None]
     step, R = np.array([0.01]), Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()[None]
     H = (R @ [0.5 * width**2, 20.0, 1.0])[0]
-    to, by_R, _ = free_turn(step, R, H[None], inertia, np.zeros((1, 3)))
+    by_R = free_turn(step, R, H[None], inertia, np.zeros((1, 3)))[1]
     moved = np.empty((3, 3))
     for k, nudge in enumerate(Rotation.from_rotvec(1e-7 * np.eye(3)).as_matrix()):
         turned = [free_turn(step, way @ R, H[None], inertia, np.zeros((1, 3)))[0] for way in (nudge, nudge.T)]

@@ -105,9 +105,7 @@ def choose_level(
     if errors is not None and alike and isinstance(errors.color, LowPassed):
         beyond, errors = beyond.told_anew(errors.color, errors.std), replace(errors, color=None)
     candidates = [
-        level
-        for level in several
-        if level.settings.model != "affine" or speaks_for_mass(level.seen, beyond)
+        level for level in several if level.settings.model != "affine" or speaks_for_mass(level.seen, beyond)
     ]
     if len(candidates) < 2 or (
         not own_modes and not len(most.shapes) and quiet(beyond, candidates[-1], most)

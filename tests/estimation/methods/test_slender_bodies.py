@@ -13,7 +13,7 @@ RATE, NOISE = 80.0, 1e-4  # Hz, m
 
 
 def tumbling_rod(seed, moved):
-    """Nine masses near a line, 0.4 m long and some mm wide, told one by one and all of them seen; in free flight.
+    """Nine masses near a line, 0.4 m long and some mm wide, told one by one and all of them seen, in flight.
 
     moved (3,): moment N m in body axes, that rises over the record; told nothing of the errors.
     """
@@ -34,10 +34,12 @@ def tumbling_rod(seed, moved):
         return np.concatenate([turned.ravel(), moment(t, R)])
 
     begun = np.concatenate([np.eye(3).ravel(), J @ omega])
-    R = solve_ivp(rates, time[[0, -1]], begun, "DOP853", time, rtol=1e-10, atol=1e-13).y[:9].T.reshape(-1, 3, 3)
+    path = solve_ivp(rates, time[[0, -1]], begun, "DOP853", time, rtol=1e-10, atol=1e-13).y
+    R = path[:9].T.reshape(-1, 3, 3)
     center = np.outer(time, rng.standard_normal(3)) + 0.5 * np.outer(time**2, [0, 0, -9.81])
     x = center[:, None] + np.einsum("tab,nb->tna", R, X) + NOISE * rng.standard_normal((320, 9, 3))
-    truth = {"force": np.zeros((320, 3)), "moment": np.array([moment(*at) for at in zip(time, R, strict=True)])}
+    applied = np.array([moment(*at) for at in zip(time, R, strict=True)])
+    truth = {"force": np.zeros((320, 3)), "moment": applied}
     body = Body(tuple("abcdefghi"), X, mass=mass)
     motion = Motion(time, x, gravity=np.array([0.0, 0.0, -9.81]))
     return Recording(body, motion, truth), np.linalg.eigvalsh(J)
