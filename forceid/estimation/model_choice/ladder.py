@@ -114,6 +114,8 @@ def choose_level(
     steps = weigh(beyond, candidates, free_shapes(markers.body, most), stated, engine)
     # what smaller levels leave would pass for noise, and errors that are alike would pass for further shapes
     first = next((i for i, level in enumerate(candidates) if len(level.shapes) >= least), 0)
+    if steps[first].evidence < steps[0].evidence:  # its shapes do not move as those of a body do
+        first, alike = 0, alike and not least
     best = explaining(steps, first)
     if errors is not None and alike:
         left = beyond.without(candidates[first].shapes) if first else beyond
