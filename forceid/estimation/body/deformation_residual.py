@@ -27,7 +27,7 @@ from forceid.motion import body_axes, fit_rotation
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Motion
 from forceid.rounding import SINGLE, SOLVED
-from forceid.significance import CHANCE, LAGS, SIGMAS, WORSE
+from forceid.significance import CHANCE, LAGS, SIGMAS
 
 TURNS = 16  # frames, evenly spread, at which what a turn does to errors is looked at
 KNOWN = 0.25  # standard error of a variance, as a part of it: its root is known to an eighth
@@ -185,7 +185,7 @@ def errors_gain(beyond: Beyond, errors: MarkerErrors, engine: Engine) -> float:
 
 def correlation(left: Array, dof: int, memory: Array) -> tuple[float, bool]:
     """Largest autocorrelation of what a level leaves (time, freedom) beyond that of noise, memory (lag,); and
-    whether it is beyond chance, and makes the errors of some band clearly larger than those of noise.
+    whether it is beyond chance.
     """
     if dof < 1:
         return 0.0, False
@@ -194,9 +194,7 @@ def correlation(left: Array, dof: int, memory: Array) -> tuple[float, bool]:
     lags = range(1, min(LAGS, len(y) // 2) + 1)
     r = np.array([float((y[k:] * y[:-k]).sum()) for k in lags]) / max(power, 1e-300) - memory[: len(lags)]
     portmanteau = float((r**2).sum()) * len(y) * dof
-    more = 2 * np.cos(np.outer(np.linspace(0, np.pi, 2 * LAGS), lags)) @ r  # of the density of noise
-    beyond = portmanteau > chdtri(len(r), CHANCE) and more.max() > WORSE**2 - 1
-    return float(r[np.abs(r).argmax()]), bool(beyond)
+    return float(r[np.abs(r).argmax()]), bool(portmanteau > chdtri(len(r), CHANCE))
 
 
 def speaks_for_mass(kin: Kinematics, beyond: Beyond) -> bool:

@@ -98,10 +98,13 @@ def choose_level(
         return without_choice(solution.kinematics.model, said), solution
     own_modes = brings_modes(markers.body, most)
     several, noise = levels(markers, settings, most), np.sqrt(beyond.var)
-    errors, least = errors_beside(beyond, several)
+    # shapes found in a record do not say where mass goes that is known as a whole
+    given = own_modes or most.inertia.nodal is not None
+    telling = [level for level in several if given or level.settings.model != "modal"]
+    errors, least = errors_beside(beyond, telling)
     alike, stated = errors is not None and errors.alike, all(most.stated.values())
     if errors is not None and stated and errors.as_stated(noise):
-        alike, least = alike and not least, 0
+        alike, least = alike and least is several[0], several[0]
     if errors is not None and alike and isinstance(errors.color, LowPassed):
         beyond, errors = beyond.told_anew(errors.color, errors.std), replace(errors, color=None)
     candidates = [
@@ -113,9 +116,9 @@ def choose_level(
         return without_shapes("no deformation stands out of the noise")
     steps = weigh(beyond, candidates, free_shapes(markers.body, most), stated, engine)
     # what smaller levels leave would pass for noise, and errors that are alike would pass for further shapes
-    first = next((i for i, level in enumerate(candidates) if len(level.shapes) >= least), 0)
-    if steps[first].evidence < steps[0].evidence:  # its shapes do not move as those of a body do
-        first, alike = 0, alike and not least
+    first = next((i for i, level in enumerate(candidates) if level is least), 0)
+    if candidates[first] is not least or steps[first].evidence < steps[0].evidence:
+        first, alike = 0, alike and least is several[0]  # its shapes do not move as those of a body do
     best = explaining(steps, first)
     if errors is not None and alike:
         left = beyond.without(candidates[first].shapes) if first else beyond
@@ -129,10 +132,12 @@ def choose_level(
     return descend(motion, candidates, steps, best, engine, solve, first)
 
 
-def errors_beside(beyond: Beyond, candidates: list[LevelCandidate]) -> tuple[MarkerErrors | None, int]:
-    """Errors of the markers beside the fewest shapes that leave them alike, and how many these are.
+def errors_beside(
+    beyond: Beyond, candidates: list[LevelCandidate]
+) -> tuple[MarkerErrors | None, LevelCandidate]:
+    """Errors of the markers beside the smallest level that leaves them alike, and that level.
 
-    Those beside none where no level leaves them so.
+    Those beside the first one, which is rigid, where none leaves them so.
     """
     rigid = marker_errors(beyond.time, beyond.y)
     for level in candidates:
@@ -140,8 +145,8 @@ def errors_beside(beyond: Beyond, candidates: list[LevelCandidate]) -> tuple[Mar
         if len(level.shapes):
             found = marker_errors(beyond.time, beyond.without(level.shapes).y)
         if found is not None and found.alike:
-            return found, len(level.shapes)
-    return rigid, 0
+            return found, level
+    return rigid, candidates[0]
 
 
 def rigid_fits(kin: Kinematics) -> bool:
