@@ -176,7 +176,7 @@ def unevenness(waves: NDArray[np.complexfloating[Any, Any]]) -> float:
 def sphericity(waves: NDArray[np.complexfloating[Any, Any]]) -> tuple[float, float]:
     """Variance of the variances along the axes of waves (bin, freedom), over their mean squared.
 
-    And its standard deviation where they are alike; where they are not, it grows with what it is beyond -1.
+    And its standard deviation where they are alike; where they are not, that is 1 + variance times as large.
     """
     m, dof = waves.shape[1], 2 * HANN * len(waves)
     size = np.linalg.eigvalsh((waves.conj().T @ waves).real)
