@@ -13,12 +13,8 @@ from forceid.estimation.instruments.on_flight import judge_sensors, named_sensor
 from forceid.estimation.instruments.strain_gauges import judge_strain_gauges
 from forceid.estimation.loads.hidden import body_told, inner_wheel, ringing_body
 from forceid.estimation.loads.hidden.deforming_body import motion_growth, widened_by_arms
-from forceid.estimation.loads.hidden.left_out import (
-    as_fast_as_on_modes,
-    hidden_load,
-    least_band,
-    lines_at_spin,
-)
+from forceid.estimation.loads.hidden.left_out import hidden_load, least_band, lines_at_spin
+from forceid.estimation.loads.hidden.loads_on_modes import as_fast_as_on_modes, loads_shown
 from forceid.estimation.loads.hidden.misfit import shown_misfit, typical_variance
 from forceid.estimation.loads.hidden.order_uncertainty import Rivals
 from forceid.estimation.loads.hidden.whitened import Whitened, whitened
@@ -84,15 +80,17 @@ def allow_for_deforming_loads(problem: Problem) -> Problem:
     band = least_band(problem.channels["moment"], problem.priors["moment"], turned)
     bent = as_smoothed(kin, problem.deformation, state)
     state = widened_by_arms(state, kin, bent.amplitude, band)
-    if kin.elastic is None:
+    if kin.elastic is None or kin.frames is None or problem.deformation.path is None:
         return replace(problem, state=state)
-    assert bent.path is not None
-    on_modes = bent.path[:, ModeState.LOAD :: modes.states] / kin.elastic.size
+    # as smoothed by themselves: what a flight makes of them beside has a noise that is harder to tell
+    on_modes = problem.deformation.path[:, ModeState.LOAD :: modes.states]
+    told = np.mean(kin.frames.rows.mT @ kin.frames.rows, axis=0)
+    found = loads_shown(kin.time, on_modes, told, modes, kin.elastic.size)
     inertia = (state.rotation @ kin.inertia.tensor @ state.rotation.mT).mean(0)
     moved = {"force": kin.inertia.mass * np.eye(3), "moment": inertia}
     # a mass center that is known by itself tells of no mode, and no stiffness told may touch its force
     shown = {name: ch for name, ch in problem.channels.items() if name == "moment" or not kin.apart}
-    state, said = as_fast_as_on_modes(shown, problem.priors, state, on_modes, moved, turned)
+    state, said = as_fast_as_on_modes(shown, problem.priors, state, found, moved, turned)
     return replace(problem, state=state).noting(*said)
 
 

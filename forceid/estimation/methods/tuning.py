@@ -136,14 +136,17 @@ def as_on_modes(problem: Problem, prior: LoadPrior, root: Array) -> LoadPrior:
     if not problem.hides or modes is None or not isinstance(kernel, Matern):
         return prior
     size = load_on_unit_mass(kin, modes) * root
-    rate = modes.rate[0] if kin.elastic is not None else modes.frequency[modes.std.argmax()]
-    found, like = kernel.std, size
     if kin.elastic is None:  # what hidden mass does in the band of the modes is as open as its weights
+        rate, std = np.full(3, modes.frequency[modes.std.argmax()]), size
         largest = modes.frequency[(modes.std * modes.frequency**2).argmax()]
         found = np.sqrt(matern_density(kernel.order, kernel.std, kernel.rate, largest))
         like = np.sqrt(matern_density(kernel.order, size, rate, largest))
+    else:  # and no weaker than what was found where that bends: loads on modes may be of a lower order
+        rate, found, like = np.full(3, modes.rate[0]), kernel.std, size
+        own, other = (matern_density(kernel.order, 1.0, r, kernel.rate) for r in (kernel.rate, rate))
+        std = np.maximum(size, kernel.std * np.sqrt(own / other))
     weak = found < np.exp(-SIGMAS * UNEVEN) * like
-    std, rates = np.where(weak, size, kernel.std), np.where(weak, rate, kernel.rate)
+    std, rates = np.where(weak, std, kernel.std), np.where(weak, rate, kernel.rate)
     return prior.with_kernel(Matern(kernel.order, std, rates)) if weak.any() else prior
 
 

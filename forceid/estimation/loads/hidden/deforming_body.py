@@ -9,11 +9,14 @@ to none to all; the error is that under each, weighed by its likelihood. Source:
 Forces act on points that deform with the body. First moments K of the forces, with arms in the reference,
 make the moment of K G^T, where G is the map of the deformation. However slowly K varies, a part dG of G that
 is faster than the smooth moment is followed shakes the moment by that of K dG^T. Of K the record tells the
-antisymmetric part alone, by the moment; a symmetric part of entries as large belongs to the claim. Entries
-alike have the variance k = <T.T> / 6, and so
+antisymmetric part alone, by the moment; a symmetric part as large belongs to the claim. Of forces alike the
+entries of K E^-1/2, E the second moment of the nodes, are alike and have the variance k = <T.T> / 2 tr E,
+and so
 
-    cov(dT) = k (tr(M) I - M),   M = <dG dG^T>.
+    cov(dT) = k (tr(M) I - M),   M = <dG E dG^T>.
 
+The map that fits the shapes best has G E = sum w x X^T, and a plate is not stretched across by what its
+nodes hardly tell.
 Source: pseudo-rigid bodies, section 1; theory of one model, section 2.
 """
 
@@ -24,7 +27,6 @@ from itertools import permutations
 
 import numpy as np
 
-from forceid.estimation.body.deforming.affine_maps import affine_shapes_of
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.loads.hidden.order_uncertainty import BEYOND, grown_deviation, shares_lost
 from forceid.estimation.loads.hidden.whitened import FAINTEST, STEP, candidates, groups_of, summed_powers
@@ -33,6 +35,7 @@ from forceid.flight.smoother import FlightState
 from forceid.flight.vibration import ModeState, Vibration, vibrating
 from forceid.kalman.engines import Engine
 from forceid.records import Array, Indices
+from forceid.rounding import SINGLE
 from forceid.significance import OUTLIER
 
 IN_LINE = 2  # frequencies to one over the record, which is as narrow as it shows a line
@@ -123,12 +126,28 @@ def widened_by_arms(state: FlightState, kin: Kinematics, amplitude: Array, band:
     """
     if kin.markers is None or not len(kin.shapes):
         return state
-    strain = np.einsum("tk,kab->tab", amplitude, affine_shapes_of(kin).by_amplitude)
-    M = fast_square(kin.time, strain, band)
+    arms, square = arms_of(kin)
+    M = fast_square(kin.time, np.einsum("tk,kab->tab", amplitude, arms), band)
     shaken = state.rotation @ (np.trace(M) * np.eye(3) - M) @ state.rotation.mT
     cov = state.wrench_cov.copy()
-    cov[:, 3:, 3:] += np.nanmean((state.moment**2).sum(1)) / 6 * shaken
+    cov[:, 3:, 3:] += np.nanmean((state.moment**2).sum(1)) / (2 * square) * shaken
     return replace(state, wrench_cov=cov)
+
+
+def arms_of(kin: Kinematics) -> tuple[Array, float]:
+    """G E^1/2 (mode, 3, 3) that each shape makes of the arms of forces on nodes, and tr E.
+
+    By masses of nodes where these are told, and by all nodes alike elsewhere: of those that show their shape.
+    """
+    told = kin.seen | (kin.elastic is not None)
+    weight, X = kin.inertia.weight[told], kin.shape[told]
+    weight = weight if weight.any() else np.ones(len(X))
+    E = (weight * X.T) @ X
+    size, axes = np.linalg.eigh(E)
+    wide = size > SINGLE**2 * size[-1]
+    across = axes[:, wide] / np.sqrt(size[wide]) @ axes[:, wide].T
+    moved = np.einsum("n,kna,nb->kab", weight, kin.shapes[:, told], X)
+    return np.asarray(moved @ across), float(np.trace(E))
 
 
 def fast_square(time: Array, strain: Array, band: float) -> Array:

@@ -9,7 +9,6 @@ harmonics).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.building.lines import near
 from forceid.records import Array, Finding, HiddenLoad, deviation
-from forceid.significance import PATIENCE, TENTH, WILD
+from forceid.significance import PATIENCE, WILD
 
 MUCH = 10.0  # times the claim, that a line is which matters
 
@@ -108,59 +107,6 @@ def lines_at_spin(
                     note("line-at-spin", load=name, hidden=hides, unit=unit, times=times, claim=claimed)
                 )
     return findings
-
-
-def as_fast_as_on_modes(
-    channels: Mapping[str, Channel],
-    priors: Mapping[str, LoadPrior],
-    state: FlightState,
-    on_modes: Array,
-    moved: Mapping[str, Array],
-    rotation: Array,
-) -> tuple[FlightState, list[Finding]]:
-    """The state with claims that allow for loads as fast as modes show them, where poses do not follow these.
-
-    The same forces push the whole body and its modes: on_modes (time, mode), smoothed loads on modes of unit
-    mass, tell at every frequency how strong loads are, in the mean of their logarithms; moved (3, 3), by
-    name: mass or inertia, world axes; rotation (time, 3, 3) of the body. At a frequency a smoother that
-    follows the share G of a load errs by (1 - G)^2 of it, of which its claim has what its own prior expects;
-    a line that it holds is followed. The
-    record denies what would be stronger than the noise. The finding says from which frequency on, where the
-    variance claimed grows by half or more.
-    """
-    clock, cov, findings = channels["moment"].time, state.wrench_cov.copy(), []
-    step = float(np.ptp(clock)) / (len(on_modes) - 1)
-    frequency: Array = np.fft.rfftfreq(len(on_modes), step)[1:].astype(float)
-    taper = np.hanning(len(on_modes))[:, None]
-    waves = np.fft.rfft(taper * (on_modes - on_modes.mean(0)), axis=0)[1:]
-    power = np.maximum(np.abs(waves) ** 2 * step / (taper**2).sum(), np.finfo(float).tiny)
-    unit_mass = np.exp(np.log(power).mean(1))
-    for name, unit, own in (("force", "N", slice(0, 3)), ("moment", "N m", slice(3, 6))):
-        if name not in channels:
-            continue
-        noise, smooth, axes = densities(channels[name], priors[name], frequency, rotation)
-        along = np.diagonal(axes.T @ moved[name] @ axes)
-        hidden = np.minimum(along * unit_mass[:, None], noise) - smooth
-        missed = (noise / (noise + smooth)) ** 2 * np.maximum(hidden, 0.0)
-        held = [line.frequency for line in priors[name].lines]
-        missed[[near(f, held, clock) for f in frequency]] = 0.0
-        added = 2 * missed.sum(0) * frequency[0]
-        claimed = np.nanmean(np.einsum("ai,tab,bi->ti", axes, cov[:, own, own], axes), axis=0)
-        cov[:, own, own] += (axes * added) @ axes.T
-        worst = int((added / claimed).argmax())
-        if added[worst] > 0.5 * claimed[worst]:
-            below = np.cumsum(missed[:, worst]) < TENTH * missed[:, worst].sum()
-            findings.append(
-                note(
-                    "faster-on-modes",
-                    load=name,
-                    frequency_hz=float(frequency[below.sum()]),
-                    hidden=float(np.sqrt(added[worst])),
-                    unit=unit,
-                    claim=float(np.sqrt(claimed[worst] + added[worst])),
-                )
-            )
-    return replace(state, wrench_cov=cov), findings
 
 
 def least_band(channel: Channel, prior: LoadPrior, rotation: Array | None = None) -> float:

@@ -1,15 +1,12 @@
 """What an estimate leaves out, against what the search finds in records with a known line."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from forceid.config import load_settings
 from forceid.estimation.loads.channels import tune_channel
 from forceid.estimation.loads.hidden.left_out import (
-    as_fast_as_on_modes,
     beside_parabola,
     densities,
     hidden_load,
@@ -17,9 +14,8 @@ from forceid.estimation.loads.hidden.left_out import (
 from forceid.estimation.long.windows import widest
 from forceid.estimation.run import estimate_recording
 from forceid.files.result import read_result, write_result
-from forceid.flight.channels import Channel, Start
-from forceid.flight.priors.matern import Matern
-from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
+from forceid.flight.channels import Channel
+from forceid.flight.priors.protocol import channel_model
 from forceid.kalman.building.line_search import find_line, line_candidates
 from forceid.kalman.engines import engine
 from forceid.records import HiddenLoad
@@ -136,39 +132,3 @@ def test_a_result_file_keeps_what_may_hide(tmp_path: Path) -> None:
         np.testing.assert_array_equal(getattr(kept, name), getattr(found.hidden, name))
     rough = estimate_recording(recording, load_settings(method="savgol"))
     assert rough.hidden is None
-
-
-@dataclass(frozen=True)
-class Wrench:
-    """What of the state of a flight the loads on its modes are held beside."""
-
-    force: np.ndarray
-    moment: np.ndarray
-    wrench_cov: np.ndarray
-
-
-def added_beside_modes(followed: float) -> float:
-    """Variance that claims of a moment gain beside loads on modes at 3 and 30 Hz, each of one N/kg^1/2.
-
-    followed: amplitude of the moment at 3 Hz, N m, of a body of inertia 1 kg m2; noise hides it at 30 Hz.
-    """
-    time = np.arange(1000) / 250
-    slow, fast = (np.sin(2 * np.pi * hertz * time) for hertz in (3.0, 30.0))
-    noise = np.broadcast_to(1e-4 * np.eye(3), (len(time), 3, 3))
-    channel = Channel(time, np.zeros((len(time), 3)), 1.0, noise, np.zeros((3, 3)))
-    prior = LoadPrior(Tuned(Matern(6, np.ones(3), np.full(3, 40.0))), np.eye(3), Start(1.0, 1.0, 1.0))
-    moment = np.tile(followed * slow[:, None], (1, 3))
-    state = Wrench(moment, moment, np.broadcast_to(1e-4 * np.eye(6), (len(time), 6, 6)))
-    on_modes, still = np.tile((slow + fast)[:, None], (1, 5)), np.tile(np.eye(3), (len(time), 1, 1))
-    found, said = as_fast_as_on_modes(
-        {"moment": channel}, {"moment": prior}, state, on_modes, {"moment": np.eye(3)}, still
-    )
-    assert [(finding.code, finding.values["load"]) for finding in said] == [("faster-on-modes", "moment")]
-    assert (found.wrench_cov[:, :3, :3] == state.wrench_cov[:, :3, :3]).all()
-    return float(found.wrench_cov[0, 3, 3])
-
-
-def test_a_moment_that_noise_hides_may_be_as_strong_as_loads_on_modes_however_weak_where_it_shows() -> None:
-    whole = added_beside_modes(1.0)
-    assert whole == pytest.approx(1e-4 + 0.5, rel=0.05)  # half the square of an amplitude
-    assert added_beside_modes(0.1) == pytest.approx(whole)
