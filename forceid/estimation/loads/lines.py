@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.loads.hidden.whitened import FAINTEST, STEP
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.model import Flight, Reference, seen_part
 from forceid.flight.priors.protocol import LoadPrior
@@ -125,10 +126,10 @@ def widened_by_ringing(
     """The same state, with claims that allow for ringing where none was found; said if that matters.
 
     A body that nutates turns every load that depends on its attitude: an oscillation that rings down in
-    one component is in the others too. Where the record does not show it, its two amplitudes are as unknown
-    there as the noise leaves them. So are those of a load that keeps its phase along the axes on which its
-    line is too weak to be found: its direction is free. One whose phase drifts has a direction of its own,
-    and says nothing of others.
+    one component is in the others too. Where the record does not show it, its size there is open, uniform in
+    the logarithm from next to none up, and weighed by its likelihood. So is that of a load that keeps its
+    phase along the axes on which its line is too weak to be found: its direction is free. One whose phase
+    drifts has a direction of its own, and says nothing of others.
     """
     lines = [line for prior in priors.values() for line in prior.lines]
     cov, span = state.wrench_cov.copy(), float(np.ptp(flight.time))
@@ -160,7 +161,12 @@ def widened_by_ringing(
 def hidden_variance(
     flight: Flight, state: FlightState, prior: LoadPrior, first: int, line: Line, engine: Engine
 ) -> dict[int, Array]:
-    """Variance (time,) along each world axis that an unseen oscillation leaves to a load without it."""
+    """Variance (time,) along each world axis that an unseen oscillation leaves to a load without it.
+
+    Its two amplitudes have the covariance g / I before the record is seen, I what that tells of them. Then it
+    is g / (1 + g) / I, about as large a share of those that are likeliest. The claim is the mean of the
+    deviations. Source: the prior of Zellner (1986).
+    """
     if not (left := axes_left(line.frequency, prior.lines, flight.time)):
         return {}
     about = state.reference
@@ -172,8 +178,15 @@ def hidden_variance(
     white = whiten(model, filtered, signal.reshape(*signal.shape[:2], -1)).reshape(signal.shape)
     phase = np.exp(root[0] * (flight.time - flight.time[0]))
     load = np.stack([phase.real, -phase.imag], 1)
-    found = {}
+    g, found = np.exp(np.arange(np.log(FAINTEST), -np.log(FAINTEST), np.log(STEP))), {}
+    kept, own = g / (1 + g), np.nan_to_num(filtered.innovation)
     for axis in left:
-        information = np.einsum("tci,tcj->ij", white[:, :, axis], white[:, :, axis])
-        found[axis] = np.einsum("ti,ij,tj->t", load, np.linalg.pinv(information), load)
+        told = np.linalg.pinv(np.einsum("tci,tcj->ij", white[:, :, axis], white[:, :, axis]))
+        shown = np.einsum("tci,tc->i", white[:, :, axis], own)
+        likeliest = told @ shown
+        weight = np.exp(0.5 * kept * (shown @ likeliest)) / (1 + g)
+        spread = np.einsum("ti,ij,tj->t", load, told, load)
+        var = np.outer(spread, kept) + np.outer((load @ likeliest) ** 2, kept**2)
+        claimed = state.wrench_cov[:, first + axis, first + axis, None]
+        found[axis] = (np.sqrt(claimed + var) @ weight / weight.sum()) ** 2 - claimed[:, 0]
     return found
