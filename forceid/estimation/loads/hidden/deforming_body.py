@@ -6,17 +6,14 @@ swings along one is in the others too, by a share that noise may hide, as a narr
 takes for noise and does not follow. Before the record is seen, shares are uniform in the logarithm, from next
 to none to all; the error is that under each, weighed by its likelihood. Source: as of `order_uncertainty`.
 
-Forces act on points that deform with the body. First moments K of the forces, with arms in the reference,
-make the moment of K G^T, where G is the map of the deformation. However slowly K varies, a part dG of G that
-is faster than the smooth moment is followed shakes the moment by that of K dG^T. Of K the record tells the
-antisymmetric part alone, by the moment; a symmetric part as large belongs to the claim. Of forces alike the
-entries of K E^-1/2, E the second moment of the nodes, are alike and have the variance k = <T.T> / 2 tr E,
-and so
+Forces act on points that deform with the body. However slowly a force f on a node varies, a part dx of its
+place that is faster than the smooth moment is followed shakes the moment by dx x f. Of the forces the record
+tells the moment T alone. Forces alike on all masses make it, and shake it:
 
-    cov(dT) = k (tr(M) I - M),   M = <dG E dG^T>.
+    cov(dT) = k (tr(M) I - M),   M = <sum w dx dx^T>,   k = <T.T> / (2 sum w x.x).
 
-The map that fits the shapes best has G E = sum w x X^T, and a plate is not stretched across by what its
-nodes hardly tell.
+Of an affine body M = <dG E dG^T>, of the fast part dG of its map, with first moments K of the forces whose
+entries K E^-1/2 are alike.
 Source: pseudo-rigid bodies, section 1; theory of one model, section 2.
 """
 
@@ -35,7 +32,6 @@ from forceid.flight.smoother import FlightState
 from forceid.flight.vibration import ModeState, Vibration, vibrating
 from forceid.kalman.engines import Engine
 from forceid.records import Array, Indices
-from forceid.rounding import SINGLE
 from forceid.significance import OUTLIER
 
 IN_LINE = 2  # frequencies to one over the record, which is as narrow as it shows a line
@@ -126,34 +122,24 @@ def widened_by_arms(state: FlightState, kin: Kinematics, amplitude: Array, band:
     """
     if kin.markers is None or not len(kin.shapes):
         return state
-    arms, square = arms_of(kin)
-    M = fast_square(kin.time, np.einsum("tk,kab->tab", amplitude, arms), band)
+    told = kin.seen | (kin.elastic is not None)  # nodes that show their shape
+    weight, shapes = kin.inertia.weight[told], kin.shapes[:, told]
+    weight = weight if weight.any() else np.ones(len(weight))
+    M = np.einsum(
+        "kl,n,kna,lnb->ab",
+        fast_square(kin.time, amplitude, band), weight, shapes, shapes,
+        optimize=True,
+    )  # fmt: skip
     shaken = state.rotation @ (np.trace(M) * np.eye(3) - M) @ state.rotation.mT
-    cov = state.wrench_cov.copy()
-    cov[:, 3:, 3:] += np.nanmean((state.moment**2).sum(1)) / (2 * square) * shaken
+    spread, cov = 2 * float(weight @ (kin.shape[told] ** 2).sum(1)), state.wrench_cov.copy()
+    cov[:, 3:, 3:] += np.nanmean((state.moment**2).sum(1)) / spread * shaken
     return replace(state, wrench_cov=cov)
 
 
-def arms_of(kin: Kinematics) -> tuple[Array, float]:
-    """G E^1/2 (mode, 3, 3) that each shape makes of the arms of forces on nodes, and tr E.
-
-    By masses of nodes where these are told, and by all nodes alike elsewhere: of those that show their shape.
-    """
-    told = kin.seen | (kin.elastic is not None)
-    weight, X = kin.inertia.weight[told], kin.shape[told]
-    weight = weight if weight.any() else np.ones(len(X))
-    E = (weight * X.T) @ X
-    size, axes = np.linalg.eigh(E)
-    wide = size > SINGLE**2 * size[-1]
-    across = axes[:, wide] / np.sqrt(size[wide]) @ axes[:, wide].T
-    moved = np.einsum("n,kna,nb->kab", weight, kin.shapes[:, told], X)
-    return np.asarray(moved @ across), float(np.trace(E))
-
-
-def fast_square(time: Array, strain: Array, band: float) -> Array:
-    """Mean of dG dG^T (3, 3), of the part dG of strain (time, 3, 3) above band Hz."""
+def fast_square(time: Array, q: Array, band: float) -> Array:
+    """Mean of dq dq^T (mode, mode), of the part dq of amplitudes q (time, mode) above band Hz."""
     taper = np.sin(np.pi * (np.arange(len(time)) + 0.5) / len(time)) ** 2
     taper /= np.sqrt((taper**2).mean())
-    waves = np.fft.rfft(taper[:, None, None] * (strain - strain.mean(0)), axis=0)
+    waves = np.fft.rfft(taper[:, None] * (q - q.mean(0)), axis=0)
     fast = waves[np.fft.rfftfreq(len(time), float(np.median(np.diff(time)))) > band]
-    return np.asarray(2 * np.einsum("fab,fcb->ac", fast, fast.conj()).real / len(time) ** 2)
+    return np.asarray(2 * (fast.T @ fast.conj()).real / len(time) ** 2)
