@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,10 +24,12 @@ from forceid.kalman.building.line_search import (
 )
 from forceid.kalman.building.lines import Line, axes_left, near
 from forceid.kalman.engines import Engine
+from forceid.kalman.model import Filtered, StateSpace
 from forceid.records import Array, Finding
 from forceid.significance import WORSE
 
 ROUNDS = 4  # of a search about what the last one found
+MOST = 6 * AT_ONCE  # lines of all loads: as many as one look may find of each component
 DECAYED = 4.0  # e-folds over a record by which an oscillation has rung down
 
 
@@ -52,35 +54,49 @@ def more_lines(
     engine: Engine,
     named: tuple[float, ...] = (),
     harmonics: Collection[str] = (),
-) -> Lines:
+    counted: Callable[[Lines], Lines] = lambda lines: lines,
+) -> Lines | None:
     """The lines of the priors, and those that the innovations of a solved flight show beside them.
 
     named: the only frequencies (Hz) to look at, or none for wherever a line stands out; at harmonics of the
-    spin, in the loads of these names alone.
+    spin, in the loads of these names alone. counted: those that are loads. None where there would be more
+    than MOST: what stands out at so many frequencies is no line.
     """
     time, spin = flight.time, 0.0
     if state.reference is not None:
         spin = float(np.mean(np.linalg.norm(state.omega, axis=1))) / (2 * np.pi)
-    found = []
+    found: dict[str, tuple[Line, ...]] = {}
     for first, (load, prior) in zip((0, 3), priors.items(), strict=False):
         about, observed = state.reference if first else None, state.innovation[:, first : first + 3]
         tried = [Candidate(f, named=True, known=True) for f in named]
-        more = prior
-        looked: list[float] = []
+        more, looked = prior, list[float]()
         for _ in range(ROUNDS):
             if not named:
                 standing = line_candidates(time, observed, spin, more.lines, looked)
                 tried = [c for c in standing if load in harmonics or not c.known][:AT_ONCE]
-            before = more
+            if not tried:
+                break
+            before, seen = more, filtered_under(flight, more, about, engine)
             for candidate in tried:
-                more = with_line(flight, more, about, engine, candidate)
+                beside = with_line(flight, more, about, engine, candidate, *seen)
+                if beside is not more:
+                    more, seen = beside, filtered_under(flight, beside, about, engine)
+                if len(counted(Lines(**found | {load: more.lines}))) > MOST:
+                    return None
             looked += [candidate.frequency for candidate in tried]
             if named or len(more.lines) == len(before.lines):
                 break
-            model, z = seen_part(flight, more, about)
-            observed = engine.filter(model, z).innovation
-        found.append(more.lines)
-    return Lines(*found)
+            observed = seen[1].innovation
+        found[load] = more.lines
+    return counted(Lines(**found))
+
+
+def filtered_under(
+    flight: Flight, prior: LoadPrior, about: Reference | None, engine: Engine
+) -> tuple[StateSpace, Filtered]:
+    """What shows a load, as a model under a prior, and what a filter makes of it."""
+    model, z = seen_part(flight, prior, about)
+    return model, engine.filter(model, z)
 
 
 def beyond_rounding(lines: Lines, kin: Kinematics, most: float) -> Lines:
@@ -99,13 +115,21 @@ def beyond_rounding(lines: Lines, kin: Kinematics, most: float) -> Lines:
 
 
 def with_line(
-    flight: Flight, prior: LoadPrior, about: Reference | None, engine: Engine, candidate: Candidate
+    flight: Flight,
+    prior: LoadPrior,
+    about: Reference | None,
+    engine: Engine,
+    candidate: Candidate,
+    model: StateSpace,
+    filtered: Filtered,
 ) -> LoadPrior:
-    """The prior with the lines at or near a candidate that the record has beside it."""
+    """The prior with the lines at or near a candidate that the record has beside it.
+
+    model, filtered: as of `filtered_under`.
+    """
     if not (left := axes_left(candidate.frequency, prior.lines, flight.time)):
         return prior
-    model, z = seen_part(flight, prior, about)
-    found = find_line(model, engine.filter(model, z), flight.time, prior.axes, candidate, left)
+    found = find_line(model, filtered, flight.time, prior.axes, candidate, left)
     if not found:
         return prior
 

@@ -44,7 +44,8 @@ class Problem:
     driven, the kinematics with the deformation taken out; noise_range, factors that the tuning may put on
     the noise; followed: whether how smooth a pose is tells of the noise of markers; notes, findings of
     this pass; at_limit: by variable, whether the likelihood wanted less noise than it was allowed;
-    apiece, priors tuned on a channel each; priors, flight and state; wild: what nothing explains.
+    apiece, priors tuned on a channel each; priors, flight and state; wild: what nothing explains;
+    crowded: whether too many lines stand out for any to be one.
     Claimed: plain (time, 6, 6), the covariance of the wrench before allowances; gained: numbers of body
     axes; between (time, 6, 6): variance of the wrench between axes of its loads that the record does not
     tell apart, None for none; growth: of the errors claimed, moving: of those of affine modes; impulses:
@@ -77,6 +78,7 @@ class Problem:
     flight: Flight = TO_COME
     state: FlightState = TO_COME
     wild: Wild | None = None
+    crowded: bool = False
     plain: Array = TO_COME
     gained: dict[str, float] = field(default_factory=dict)
     between: Array | None = None

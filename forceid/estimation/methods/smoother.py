@@ -16,7 +16,7 @@ from forceid.estimation.instruments.on_flight import fused
 from forceid.estimation.instruments.strain_gauges import with_strain_gauges
 from forceid.estimation.loads.channels import DrivenMotion, flight_of
 from forceid.estimation.loads.fused_tuning import by_the_flight, contradicted
-from forceid.estimation.loads.lines import Lines, beyond_rounding, more_lines
+from forceid.estimation.loads.lines import beyond_rounding, more_lines
 from forceid.estimation.methods.axes import choose_axes
 from forceid.estimation.methods.claims import (
     allow_for_axes,
@@ -43,7 +43,6 @@ from forceid.estimation.methods.tuning import (
     tune_moment,
     with_stated_priors,
 )
-from forceid.kalman.building.line_search import AT_ONCE
 from forceid.kalman.engines import Engine
 from forceid.motion import log, second_order
 from forceid.records import Body, Motion
@@ -112,15 +111,16 @@ def beside_more_lines(problem: Problem, harmonics: Collection[str]) -> Problem:
     At harmonics of the spin, in the loads of these names alone.
     """
     settings, kin, priors = problem.settings, problem.kin, problem.priors
-    if settings.lines == "none":
+    if settings.lines == "none" or problem.crowded:
         return problem
     # a moment of deformation that no marker shows turns with the body, and would pass for lines
     searched = {"force": priors["force"]} if len(kin.shapes) and kin.unfollowed.any() else priors
     asked = () if isinstance(settings.lines, str) else settings.lines
-    more: Lines = more_lines(problem.flight, problem.state, searched, problem.engine, asked, harmonics)
-    if problem.rounding and not asked:
-        more = beyond_rounding(more, kin, problem.rounding)
-    if not len(problem.lines) < len(more) <= 6 * AT_ONCE:  # as many as one look may find of each component
+    counted = partial(beyond_rounding, kin=kin, most=0.0 if asked else problem.rounding)
+    more = more_lines(problem.flight, problem.state, searched, problem.engine, asked, harmonics, counted)
+    if more is None:
+        return replace(problem, crowded=True)
+    if not len(problem.lines) < len(more):
         return problem
     return replace(problem, lines=more, near=problem.apiece)
 
@@ -217,7 +217,7 @@ def beside_lines(problem: Problem, harmonics: Collection[str] = ()) -> Problem:
     while True:
         more = beside_more_lines(problem, harmonics)
         if more.lines is problem.lines:
-            return problem
+            return more
         try:
             found = with_frames_that_agree(more)
         except EstimationError:  # what does not settle beside lines leaves them in its innovations
