@@ -29,7 +29,7 @@ from forceid.records import Array, Finding
 from forceid.significance import WORSE
 
 ROUNDS = 4  # of a search about what the last one found
-MOST = 6 * AT_ONCE  # lines of all loads: as many as one look may find of each component
+MOST_LINES = 6 * AT_ONCE  # lines of all loads: as many as one look may find of each component
 DECAYED = 4.0  # e-folds over a record by which an oscillation has rung down
 
 
@@ -60,7 +60,7 @@ def more_lines(
 
     named: the only frequencies (Hz) to look at, or none for wherever a line stands out; at harmonics of the
     spin, in the loads of these names alone. counted: those that are loads. None where there would be more
-    than MOST: what stands out at so many frequencies is no line.
+    than MOST_LINES: what stands out at so many frequencies is no line.
     """
     time, spin = flight.time, 0.0
     if state.reference is not None:
@@ -81,7 +81,7 @@ def more_lines(
                 beside = with_line(flight, more, about, engine, candidate, *seen)
                 if beside is not more:
                     more, seen = beside, filtered_under(flight, beside, about, engine)
-                if len(counted(Lines(**found | {load: more.lines}))) > MOST:
+                if len(counted(Lines(**found | {load: more.lines}))) > MOST_LINES:
                     return None
             looked += [candidate.frequency for candidate in tried]
             if named or len(more.lines) == len(before.lines):
