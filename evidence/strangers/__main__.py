@@ -30,11 +30,8 @@ of some markers are missing. Mass is told as it is, but of the wheel in the sate
 truth is the rate of the momenta of what moved, mean over a sample.
 
 *Error over claim*: rms of the error within the band (up to `band` Hz) over the rms of the claimed deviation,
-central three quarters; *silent*: `ok`, and that of force or moment, or their error over that of the plain
-route beside them (the witness; at all frequencies where the band holds fewer than 13 numbers), is above 2.
-Degraded within 1.5: both
-are, and caution was asked for in vain; beyond 3: one is, and the claim does not cover it. Ratios and CPU:
-medians."""
+central three quarters. *Silent*: as of [drawn records](calibration.md). Degraded within 1.5: both are, in
+vain; beyond 3: one is, and the claim does not cover it. Ratios and CPU: medians."""
 
 
 def finished(jobs: Sequence[tuple[str, int]], journal: Journal, workers: int) -> list[StrangerOutcome]:

@@ -54,7 +54,8 @@ def counted(kind: str, of: Sequence[StrangerOutcome]) -> list[str]:
     """A kind in the table."""
     ok = sum(j.verdict == "ok" and not j.silent for j in of)
     worst = np.array([j.worst for j in of if j.verdict == "degraded"])
-    silent = silent_share(j.silent for j in of)
+    few = len({j.kind for j in of}) == 1  # whose interval tells nothing
+    silent = sum(j.silent for j in of) if few else silent_share(j.silent for j in of)
     out = [sum(j.verdict == level for j in of) for level in ("refused", "crashed")]
     numbers = len(of), ok, (worst <= NEAR).sum(), (worst > FAR).sum(), silent, *out
     middle = []
