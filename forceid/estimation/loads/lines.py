@@ -185,12 +185,7 @@ def widened_by_ringing(
 def hidden_variance(
     flight: Flight, state: FlightState, prior: LoadPrior, first: int, line: Line, engine: Engine
 ) -> dict[int, Array]:
-    """Variance (time,) along each world axis that an unseen oscillation leaves to a load without it.
-
-    Its two amplitudes have the covariance g / I before the record is seen, I what that tells of them. Then it
-    is g / (1 + g) / I, about as large a share of those that are likeliest. The claim is the mean of the
-    deviations. Source: the prior of Zellner (1986).
-    """
+    """Variance (time,) along each world axis that an unseen oscillation leaves to a load without it."""
     if not (left := axes_left(line.frequency, prior.lines, flight.time)):
         return {}
     about = state.reference
@@ -202,15 +197,27 @@ def hidden_variance(
     white = whiten(model, filtered, signal.reshape(*signal.shape[:2], -1)).reshape(signal.shape)
     phase = np.exp(root[0] * (flight.time - flight.time[0]))
     load = np.stack([phase.real, -phase.imag], 1)
-    g, found = np.exp(np.arange(np.log(FAINTEST), -np.log(FAINTEST), np.log(STEP))), {}
-    kept, own = g / (1 + g), np.nan_to_num(filtered.innovation)
+    own, found = np.nan_to_num(filtered.innovation), {}
     for axis in left:
-        told = np.linalg.pinv(np.einsum("tci,tcj->ij", white[:, :, axis], white[:, :, axis]))
+        told = np.einsum("tci,tcj->ij", white[:, :, axis], white[:, :, axis])
         shown = np.einsum("tci,tc->i", white[:, :, axis], own)
-        likeliest = told @ shown
-        weight = np.exp(0.5 * kept * (shown @ likeliest)) / (1 + g)
-        spread = np.einsum("ti,ij,tj->t", load, told, load)
-        var = np.outer(spread, kept) + np.outer((load @ likeliest) ** 2, kept**2)
-        claimed = state.wrench_cov[:, first + axis, first + axis, None]
-        found[axis] = (np.sqrt(claimed + var) @ weight / weight.sum()) ** 2 - claimed[:, 0]
+        found[axis] = of_open_size(load, told, shown)
     return found
+
+
+def of_open_size(load: Array, told: Array, shown: Array) -> Array:
+    """Variance (time,) of an oscillation of two amplitudes of open size.
+
+    load (time, 2): of unit amplitudes; told (2, 2): information of a record on them, shown (2,): its vector.
+    They have the covariance g / told before the record is seen, and g / (1 + g) / told with it, about as
+    large a share of the likeliest. Sizes g are uniform in the logarithm, up to what no record would fail to
+    show, and weighed by their likelihood. Source: the prior of Zellner (1986).
+    """
+    g = np.exp(np.arange(np.log(FAINTEST), -np.log(FAINTEST), np.log(STEP)))
+    kept, cov = g / (1 + g), np.linalg.pinv(told)
+    likeliest = cov @ shown
+    gained = 0.5 * kept * (shown @ likeliest) - np.log1p(g)
+    weight = np.exp(gained - gained.max())
+    spread = np.einsum("ti,ij,tj->t", load, cov, load)
+    weight /= weight.sum()
+    return np.asarray(spread * (kept @ weight) + (load @ likeliest) ** 2 * (kept**2 @ weight))

@@ -84,7 +84,8 @@ def allow_for_deforming_loads(problem: Problem) -> Problem:
         return replace(problem, state=state)
     # as smoothed by themselves: what a flight makes of them beside has a noise that is harder to tell
     on_modes = problem.deformation.path[:, ModeState.LOAD :: modes.states]
-    told = np.mean(kin.frames.rows.mT @ kin.frames.rows, axis=0)
+    rows = kin.frames.rows.reshape(-1, kin.frames.rows.shape[2])
+    told = rows.T @ rows / len(kin.time)
     found = loads_shown(kin.time, on_modes, told, modes, kin.elastic.size)
     inertia = (state.rotation @ kin.inertia.tensor @ state.rotation.mT).mean(0)
     moved = {"force": kin.inertia.mass * np.eye(3), "moment": inertia}

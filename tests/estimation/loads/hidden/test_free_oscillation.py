@@ -7,10 +7,27 @@ import numpy as np
 import pytest
 
 from forceid.config import load_settings
+from forceid.estimation.loads.lines import of_open_size
 from forceid.estimation.run import estimate_recording
 from forceid.files.stored.hdf5 import read_motion
 
 FRISBEE = Path(__file__).parents[4] / "data" / "synthetic" / "frisbee.h5"
+
+
+def test_claims_hold_oscillations_of_sizes_from_next_to_none_to_ten_times_the_noise():
+    rng, phase = np.random.default_rng(4), np.linspace(0, 20, 50)
+    load, told = np.stack([np.cos(phase), -np.sin(phase)], 1), np.array([[5.0, 0.4], [0.4, 4.0]])
+    root, held, ratio = np.linalg.cholesky(np.linalg.inv(told)), [], []
+    for g in np.exp(rng.uniform(np.log(1e-2), np.log(1e2), 4000)):
+        amplitude = np.sqrt(g) * root @ rng.standard_normal(2)
+        shown = told @ (amplitude + root @ rng.standard_normal(2))
+        std = np.sqrt(of_open_size(load, told, shown))
+        held.append(np.mean(np.abs(load @ amplitude) < 1.96 * std))
+        ratio.append(np.mean((load @ amplitude) ** 2) / np.mean(std**2))
+    assert 0.93 < np.mean(held) < 0.99
+    assert 0.6 < np.mean(ratio) < 1.5
+    large = of_open_size(load, told, 1e4 * told @ [1.0, 1.0])
+    np.testing.assert_allclose(large, (1e4 * load.sum(1)) ** 2, rtol=0.05, atol=1e6)
 
 
 @pytest.mark.long
