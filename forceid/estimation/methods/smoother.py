@@ -146,8 +146,8 @@ CLAIMS: tuple[Stage, ...] = (
     allow_for_deforming_loads,
     judge_lever,
     allow_for_edges,
+    allow_for_priors,
     allow_for_axes,
-    allow_for_priors,  # the last: what is added behind it would grow with what it allows for
     allow_for_modes,
 )
 
