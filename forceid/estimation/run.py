@@ -267,6 +267,8 @@ def with_known_axes(solution: Solution) -> Solution:
     """
     if (growth := solution.grown) is not None:
         solution = replace(solution, state=grown(solution.state, growth))
+    claimed = replace(solution.state, wrench_cov=solution.state.wrench_cov + solution.between)
+    solution = replace(solution, state=claimed)
     moved = solution.deformation.grown(growth, solution.moving)
     solution = replace(solution, deformation=moved)
     kin = solution.kinematics

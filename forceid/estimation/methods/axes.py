@@ -64,7 +64,7 @@ def choose_axes(problem: Problem) -> Problem:
         if load not in taken and one.share > CHANCE:
             between[:, LOADS[load], LOADS[load]] = one.share * one.off[:, :, None] * one.off[:, None]
     gained = {f"{load}_body_axes_evidence": one.gain for load, one in found.items()}
-    problem = replace(problem, gained=gained, between=between if between.any() else None)
+    problem = replace(problem, gained=gained, between=between)
     if not taken:
         return problem
     before = np.isfinite(problem.state.wrench_cov)

@@ -207,14 +207,6 @@ def allow_for_modes(problem: Problem) -> Problem:
     return replace(problem, moving=motion_growth(*seen, found.prior, found.motion_cov, problem.engine))
 
 
-def allow_for_axes(problem: Problem) -> Problem:
-    """What estimates along axes that the record does not tell apart differ by."""
-    if problem.between is None:
-        return problem
-    state = problem.state
-    return replace(problem, state=replace(state, wrench_cov=state.wrench_cov + problem.between))
-
-
 def may_turn_inside(kin: Kinematics) -> bool:
     """Whether mass may turn in the body unseen: none does where markers on all mass keep their shape."""
     marked = kin.inertia.nodal is not None and not (kin.inertia.weight[~kin.seen] > 0).any()
@@ -255,6 +247,7 @@ def solution_of(problem: Problem) -> Solution:
     alone = {name: problem.turned_at(name) if kin.attitude else None for name in problem.channels}
     misfit = shown_misfit(problem.channels, priors, flight.time, state.innovation, alone)
     filtered = judge_filter(kin, (line for prior in priors.values() for line in prior.lines))
+    allowance = state.wrench_cov - problem.plain + problem.between
     return Solution(
         kin,
         as_smoothed(kin, problem.deformation, state),
@@ -264,7 +257,7 @@ def solution_of(problem: Problem) -> Solution:
         problem.at_limit,
         (*problem.findings, *problem.notes, *filtered),
         priors,
-        None if problem.causal else Smoothing(flight, priors, state.wrench_cov - problem.plain),
+        None if problem.causal else Smoothing(flight, priors, allowance),
         hidden,
         problem.growth,
         problem.moving,
@@ -273,4 +266,5 @@ def solution_of(problem: Problem) -> Solution:
         problem.ringing,
         problem.looks,
         rivals=problem.rivals,
+        between=problem.between,
     )

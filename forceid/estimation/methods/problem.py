@@ -48,7 +48,7 @@ class Problem:
     crowded: whether too many lines stand out for any to be one.
     Claimed: plain (time, 6, 6), the covariance of the wrench before allowances; gained: numbers of body
     axes; between (time, 6, 6): variance of the wrench between axes of its loads that the record does not
-    tell apart, None for none; growth: of the errors claimed, moving: of those of affine modes; impulses:
+    tell apart; growth: of the errors claimed, moving: of those of affine modes; impulses:
     of loads that come in pieces; ringing: loads that may ring with the body unseen; looks: channels as
     their priors whiten them.
     """
@@ -81,7 +81,7 @@ class Problem:
     crowded: bool = False
     plain: Array = TO_COME
     gained: dict[str, float] = field(default_factory=dict)
-    between: Array | None = None
+    between: Array | float = 0.0
     growth: Array | None = None
     moving: Array | None = None
     impulses: Impulses | None = None
@@ -198,11 +198,11 @@ class Solution:
     less noise than it was allowed; findings: for the verdict; priors: of the loads, by name; smoothing: of a
     smoother's wrench; hidden: what that leaves out; growth (6, 6): of the errors that the wrench claims, for
     what the record does not tell of its priors, moving (mode, 3): of those of amplitude, rate and
-    acceleration of affine modes, each None for none. Levels are compared without them: they are alike at all
-    of them. impulses: of loads that come in pieces; shown (6,): variance of the wrench that its innovations
-    show at least, NaN where they do not; ringing: loads that may ring with the body unseen;
-    looks: channels as their priors whiten them; modal: forces on modes, where the method tells them itself;
-    rivals: what other priors make of the growth.
+    acceleration of affine modes, each None for none; between (time, 6, 6): what is to be added then, for axes
+    that the record does not tell apart. Levels are compared without them. impulses: of loads that come in
+    pieces; shown (6,): variance of the wrench that its innovations show at least, NaN where they do not;
+    ringing: loads that may ring with the body unseen; looks: channels as their priors whiten them; modal:
+    forces on modes, where the method tells them itself; rivals: what other priors make of the growth.
     """
 
     kinematics: Kinematics
@@ -223,6 +223,7 @@ class Solution:
     looks: Mapping[str, Whitened] = field(default_factory=dict)
     modal: ModalForces | None = None
     rivals: Rivals | None = None
+    between: Array | float = 0.0
 
     @property
     def grown(self) -> Array | None:

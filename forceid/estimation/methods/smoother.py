@@ -19,7 +19,6 @@ from forceid.estimation.loads.fused_tuning import by_the_flight, contradicted
 from forceid.estimation.loads.lines import beyond_rounding, more_lines
 from forceid.estimation.methods.axes import choose_axes
 from forceid.estimation.methods.claims import (
-    allow_for_axes,
     allow_for_deforming_loads,
     allow_for_edges,
     allow_for_modes,
@@ -147,7 +146,6 @@ CLAIMS: tuple[Stage, ...] = (
     judge_lever,
     allow_for_edges,
     allow_for_priors,
-    allow_for_axes,
     allow_for_modes,
 )
 

@@ -82,14 +82,15 @@ def claimed(found):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("size", [0.2, 1.0])
-def test_a_wheel_that_a_body_which_hardly_turns_does_not_tell_from_a_moment_is_in_the_claim(size):
-    over = []
-    for seed in range(3):
-        found = estimated(flown(size * WHEEL, samples=160, spin=(0.6, 0.5, 0.3), seed=seed))
+def test_wheels_of_any_size_that_pass_for_a_moment_are_in_the_claim_on_average():
+    """Of a body that hardly turns, sizes uniform in their logarithm, as wheels are taken beforehand."""
+    rng, square = np.random.default_rng(7), []
+    for seed in range(16):
+        size = 10 ** rng.uniform(-4.5, 0.0)
+        found = estimated(flown(size * WHEEL, samples=160, spin=(0.6, 0.5, 0.3), seed=100 + seed))
         assert "inner-wheel" in found.verdict.codes
-        over.append(np.sqrt(np.mean((found.moment / found.moment_std)[30:-30] ** 2)))
-    assert np.median(over) < 3.0  # of a moment that is up to thirty times the claim without wheels
+        square.append(np.mean((found.moment / found.moment_std)[30:-30] ** 2))
+    assert np.sqrt(np.mean(square)) < 2.0  # moments of the largest are thirty times the claim without wheels
 
 
 @pytest.mark.long
