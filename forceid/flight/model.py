@@ -38,6 +38,7 @@ from forceid.principal import cross_matrix as skew
 from forceid.records import Array, KnownPart
 
 CENTER, ROTATION, POSE = slice(0, 3), slice(3, 6), slice(0, 6)  # in the covariance of a pose
+UNKNOWN_TURN = 10.0  # rad at the start: some turns, for a path is led there from the first frame that is seen
 COARSE = 0.5  # rad from frame to frame, beyond which differences of frames show no rates
 
 
@@ -237,7 +238,7 @@ def rotation_model(flight: Flight, prior: LoadPrior, reference: Reference) -> St
         F[:, theta, theta] -= by_Y @ skew(Y) + by_H @ skew(h)
     Q[:, theta] = by_Y @ Q[:, INTEGRAL] + by_H @ Q[:, MOMENTUM]
     Q[:, :, theta] = Q[:, :, INTEGRAL] @ by_Y.swapaxes(1, 2) + Q[:, :, MOMENTUM] @ by_H.swapaxes(1, 2)
-    P0[:3, :3] = np.eye(3)  # rad2: as good as unknown
+    P0[:3, :3] = UNKNOWN_TURN**2 * np.eye(3)
     u = np.zeros((len(F), len(P0)))
     u[:, :3] = turn.offset
     return StateSpace(F, Q, np.eye(3, len(P0)), flight.pose_cov[:, 3:, 3:], np.zeros(len(P0)), P0, u)

@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 
 from forceid.compiled import engine as compiled
 from forceid.flight.attitude import ReferenceTrajectory, between, turned
-from forceid.flight.model import COARSE
+from forceid.flight.model import COARSE, UNKNOWN_TURN
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
 from forceid.flight.rigid_batch import Mode, Path, TurningModel, smooth_turning
 from forceid.kalman.model import StateSpace
@@ -69,7 +69,7 @@ def step_classes(
 ) -> StepClasses:
     """The kinds of steps between the times `time`, of each of which `free` is the translation."""
     F, Q, P0 = moment.chain(np.diff(time))
-    P0[:3, :3] = np.eye(3)  # rad2: as good as unknown
+    P0[:3, :3] = UNKNOWN_TURN**2 * np.eye(3)
     n, m = len(free.x0), len(P0)
     pushed = np.zeros((2, len(F), n + m, 3))
     pushed[:, :, n:] = np.stack(load_over_step(F, np.diff(time), moment.axes)).swapaxes(2, 3)

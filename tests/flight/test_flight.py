@@ -283,3 +283,20 @@ def test_a_reference_that_cannot_settle_is_an_error_with_a_next_step(monkeypatch
     monkeypatch.setattr(flights, "ITERATIONS", 1)
     with pytest.raises(EstimationError, match=r"does not settle: .* raise the sample rate"):
         smooth(free_top(np.random.default_rng(13), count=40))
+
+
+def test_a_path_before_the_first_rotation_that_is_seen_is_led_there_in_few_steps(monkeypatch):
+    """The start of a path is unknown, and no prior about its reference holds it back."""
+    flight, steps = free_top(np.random.default_rng(3), count=200), []
+    blind = flight.rotation.copy()
+    blind[:40] = np.nan  # 0.2 s, within which the moment may turn the body by two radians
+    linear = flights.linear_flight
+
+    def counted(*about, **more):
+        steps.append(about)
+        return linear(*about, **more)
+
+    monkeypatch.setattr(flights, "linear_flight", counted)
+    state = smooth(replace(flight, rotation=blind))
+    assert len(steps) < 10  # 18 under a prior of one radian
+    assert np.sqrt(np.trace(state.pose_cov[0, 3:, 3:])) > 2.0
