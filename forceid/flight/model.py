@@ -39,6 +39,7 @@ from forceid.records import Array, KnownPart
 
 CENTER, ROTATION, POSE = slice(0, 3), slice(3, 6), slice(0, 6)  # in the covariance of a pose
 UNKNOWN_TURN = 10.0  # rad at the start: some turns, for a path is led there from the first frame that is seen
+LOOK_AFTER = 4  # steps towards where a flight rests, until it is looked at how well they do
 COARSE = 0.5  # rad from frame to frame, beyond which differences of frames show no rates
 
 

@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 
 from forceid.compiled import engine as compiled
 from forceid.flight.attitude import ReferenceTrajectory, between, turned
-from forceid.flight.model import COARSE, UNKNOWN_TURN
+from forceid.flight.model import COARSE, LOOK_AFTER, UNKNOWN_TURN
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
 from forceid.flight.rigid_batch import Mode, Path, TurningModel, smooth_turning
 from forceid.kalman.model import StateSpace
@@ -153,7 +153,7 @@ def settled_in_batches(
     t, time, center = classes.theta, flight.time, flight.center
     if compiled is None or len(time) < WORTH_LANES or (first := by_frames(flight, moment)) is None:
         return None
-    R, last = first[0], np.inf
+    R, last, least, since = first[0], np.inf, np.inf, 0
     guess = np.zeros((len(R), len(classes.x0)))  # where a lane may begin; from theta on the reference
     guess[:, :3], guess[:, t + 3 : t + 6] = center @ force.axes, first[1]
     guess[1:-1, MOMENTUM] = flight.mass * (guess[2:, :3] - guess[:-2, :3]) / (time[2:] - time[:-2])[:, None]
@@ -188,5 +188,8 @@ def settled_in_batches(
                 whole = np.zeros((len(R), classes.size))
                 whole[:, classes.chain] = chain
                 return path, R, whole
+            least, since = (size, 0) if size < 0.5 * least else (least, since + 1)
+            if since == LOOK_AFTER:  # moved about by rounding, or too slowly
+                return None
         R, guess[:, t + 3 :] = turned(x[:, :3], R), x[:, 3:]
     return None

@@ -15,6 +15,7 @@ from forceid.errors import EstimationError
 from forceid.flight.attitude import turn_along, turned
 from forceid.flight.instruments.dead_reckoning import gyro_rate, path_read, reckoned
 from forceid.flight.model import (
+    LOOK_AFTER,
     Flight,
     Reference,
     flexed,
@@ -36,7 +37,6 @@ from forceid.records import Array
 from forceid.rounding import ITERATIONS, SINGLE
 from forceid.significance import TENTH
 
-LOOK_AFTER = 4  # steps until it is looked at how well they do
 SHORTEST = 1 / 64  # of a step: what does not get nearer by so little is as near as it gets
 SETTLED = 1e-4  # rad, m: less is no matter to a path, which rounding may keep moving by so much
 
