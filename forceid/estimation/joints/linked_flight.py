@@ -18,6 +18,7 @@ from forceid.estimation.joints.constraints import Constraints
 from forceid.estimation.joints.link_loads import LinkLoad
 from forceid.estimation.methods.problem import Solution
 from forceid.flight.model import (
+    UNKNOWN_TURN,
     Flight,
     Reference,
     added_moment,
@@ -87,7 +88,7 @@ def linked_part(solution: Solution) -> LinkedPart | None:
     G, u = np.zeros((len(step), 6, 6)), np.zeros((len(step), 6))
     G[:, :3, :3], G[:, :3, 3:], G[:, 3:, 3:] = turn.d_theta, turn.by_H, np.eye(3)
     u[:, :3] = turn.offset
-    P0 = np.diag(np.repeat([1.0, reference.moment.start.first], 3))  # rad2: as good as unknown
+    P0 = np.diag(np.repeat([UNKNOWN_TURN**2, reference.moment.start.first], 3))
     turning = StateSpace(G, np.zeros_like(G), np.eye(3, 6), flight.pose_cov[:, 3:, 3:], np.zeros(6), P0, u)
     prior = smoothing.priors["moment"]
     model, seen = linear_flight(own, force, prior, reference, (center, turning))
