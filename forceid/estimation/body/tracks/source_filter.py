@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import correlate1d
 from scipy.optimize import minimize_scalar
-from scipy.signal import butter, sosfiltfilt
 from scipy.special import comb, polygamma
 
 from forceid.flight.channels import CHANNEL_SAMPLES, FLIGHT_SAMPLES, middle
@@ -142,6 +141,7 @@ def undoing(order: int, cut: float, reach: int = MOST_LOST) -> Array:
 
     reach: neighbors on either side, at most; with fewer, what is near half the rate is undone less.
 
+    >>> from scipy.signal import butter, sosfiltfilt
     >>> x = np.cumsum(np.random.default_rng(0).standard_normal(400))
     >>> slow = sosfiltfilt(butter(4, 2 * 0.1, output="sos"), x)  # as slow as it may be
     >>> filtered, weights = sosfiltfilt(butter(2, 2 * 0.06, output="sos"), slow), undoing(2, 0.06)
@@ -149,6 +149,8 @@ def undoing(order: int, cut: float, reach: int = MOST_LOST) -> Array:
     >>> bool(np.abs(back - slow[lost:-lost]).max() < 0.01)
     True
     """
+    from scipy.signal import butter  # takes long to load
+
     b, a = butter(order, 2 * cut)
     highest, share = np.sin(np.pi * RESTORED) ** 2, np.ones(1)
     while share[-1] > LEFT_OUT and len(share) <= reach - order:  # (1 - s)^-order, s = (2 - z - 1/z) / 4
@@ -163,6 +165,8 @@ def undoing(order: int, cut: float, reach: int = MOST_LOST) -> Array:
 
 def undone(position: Array, source: LowPassed, left: LowPassed) -> Array:
     """Tracks (time, node, 3) as before a filter, but for what is `left` of it; NaN at their very ends."""
+    from scipy.signal import butter, sosfiltfilt  # takes long to load
+
     order, cut = source.order, source.cut * source.step
     weights = undoing(order, cut)
     shorter = {i: undoing(order, cut, i) for i in range(order, len(weights) // 2)}  # beside the ends
