@@ -8,8 +8,8 @@ from evidence.judged import LOADS, scores
 from evidence.strangers import deforming, ground, rigid
 from evidence.strangers.attempt import attempt
 from evidence.strangers.outcome import StrangerOutcome
-from evidence.strangers.simulated import Camera, recorded
-from forceid.records import Verdict
+from evidence.strangers.simulated import Camera, Scene, recorded
+from forceid.records import Recording, Verdict
 
 KINDS = {
     "box in air": rigid.box_in_air, "javelin": rigid.javelin, "quadrotor": rigid.quadrotor,
@@ -20,14 +20,19 @@ KINDS = {
 }  # fmt: skip
 
 
-def run(job: tuple[str, int]) -> list[StrangerOutcome]:
-    """What came of the record of a kind and a seed; of a chain also what came of its joints."""
-    kind, seed = job
+def drawn(kind: str, seed: int) -> tuple[Scene, Camera, Recording]:
+    """The record of a kind and a seed, its scene and camera. FloatingPointError: the simulator lost it."""
     rng = np.random.default_rng([seed, *kind.encode()])
     camera = Camera.drawn(rng)
     scene = KINDS[kind](rng, camera)
+    return scene, camera, recorded(scene, camera, rng)
+
+
+def run(job: tuple[str, int]) -> list[StrangerOutcome]:
+    """What came of the record of a kind and a seed; of a chain also what came of its joints."""
+    kind, seed = job
     try:
-        recording = recorded(scene, camera, rng)
+        scene, camera, recording = drawn(kind, seed)
     except FloatingPointError as error:
         return [StrangerOutcome(kind, seed, "not simulated", (str(error),))]
     facts = (

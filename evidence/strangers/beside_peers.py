@@ -1,0 +1,130 @@
+"""Strangers beside peers: the error of forceid over that of the best peer that is told nothing, by kind.
+
+    python -m evidence.strangers.beside_peers -o docs [--seeds 1 2] [--only REGEX] [--jobs 1]
+
+Peers are those of the chart that choose nothing on the truth.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from time import process_time
+
+import numpy as np
+
+from evidence.judged import LOADS, rms
+from evidence.strangers.kinds import KINDS, drawn
+from evidence.subject import Contestant
+from evidence.subjects.flights.cases import Case, case_of
+from evidence.subjects.flights.peers.entrants import peers
+from evidence.written import asked, each, paged, tabled
+from forceid.config import load_settings
+from forceid.errors import ForceIdError
+from forceid.estimation.run import estimate_recording
+from forceid.records import Array
+
+OURS = "forceid"
+LEAST, MOST = 1.0, 1.2  # times the error of the best peer, which nine of ten and all are to keep below
+ABOUT = """\
+`{command}`: the records of [strangers](strangers.md), one of every kind and seed, each met by {count} peers:
+{names}. Each is told the recording alone. Errors are rms over the central three quarters and all axes, then
+geometric means over seeds. The best peer is the one with the least of these means, by kind and load: nobody
+knows beforehand which it is. CPU: medians a record."""
+
+
+@dataclass(frozen=True)
+class Met:
+    """A record of a kind: errors of force and moment by who met it, NaN where none is given, and seconds."""
+
+    kind: str
+    error: Mapping[str, tuple[float, ...]]
+    seconds: Mapping[str, float]
+
+
+def met(job: tuple[str, int]) -> Met | None:
+    """A record, met by forceid and by every peer; None where the simulator lost it."""
+    kind, seed = job
+    try:
+        scene, _, recording = drawn(kind, seed)
+    except FloatingPointError:
+        return None
+    case, error, seconds = case_of(kind, recording, False), {}, {}
+    began = process_time()
+    try:
+        found = estimate_recording(case.blind, load_settings(**scene.settings))
+        error[OURS] = errors(case, found.force, found.moment)
+    except ForceIdError:
+        error[OURS] = np.nan, np.nan
+    seconds[OURS] = process_time() - began
+    for peer in told_nothing():
+        began = process_time()
+        try:
+            error[peer.name] = errors(case, *peer.prepare(case)().found)
+        except (ForceIdError, ValueError, np.linalg.LinAlgError):  # a peer that cannot do it
+            error[peer.name] = np.nan, np.nan
+        seconds[peer.name] = process_time() - began
+    return Met(kind, error, seconds)
+
+
+def told_nothing() -> list[Contestant]:
+    """The peers that choose nothing on the truth."""
+    return [peer for peer in peers()[0] if not peer.told]
+
+
+def errors(case: Case, *found: Array) -> tuple[float, ...]:
+    """Rms errors of force and moment, of the axes that are given throughout."""
+    of = []
+    for load, own in zip(found, (slice(0, 3), slice(3, 6)), strict=True):
+        off = load - case.wrench[:, own]
+        known = np.isfinite(off).all(0)
+        of.append(float(rms(off[:, known])) if known.any() else float("nan"))
+    return tuple(of)
+
+
+def means(of: Sequence[Met], who: str) -> Array:
+    """Geometric means of the errors of force and moment; NaN where one of the records has none."""
+    return np.asarray(np.exp(np.mean(np.log([record.error[who] for record in of]), axis=0)))
+
+
+def row(kind: str, of: Sequence[Met]) -> tuple[list[str], list[float]]:
+    """A kind in the table, and its ratios of force and moment."""
+    names = [name for name in of[0].error if name != OURS]
+    ours, theirs = means(of, OURS), np.array([means(of, name) for name in names])
+    cells, ratios = [kind, str(len(of))], []
+    for k in range(len(LOADS)):
+        if not np.isfinite(ours[k]) or not np.isfinite(theirs[:, k]).any():
+            cells += ["", "", ""]
+            continue
+        best = int(np.nanargmin(theirs[:, k]))
+        ratios.append(float(ours[k] / theirs[best, k]))
+        cells += [f"{ours[k]:.3g}", names[best], f"{ratios[-1]:.2f}"]
+    spent = [np.median([record.seconds[who] for record in of]) for who in (OURS, *names)]
+    return [*cells, f"{spent[0]:.1f}", f"{min(spent[1:]):.2f} to {max(spent[1:]):.1f}"], ratios
+
+
+def main() -> None:
+    """Simulate, let all meet every record, and write the page."""
+    given = asked("evidence.strangers.beside_peers", __doc__, seeds=(1, 2), only=".", jobs=1)
+    kinds = [kind for kind in KINDS if re.search(given.only, kind)]
+    jobs = [(kind, seed) for kind in kinds for seed in given.seeds]
+    found = [one for one in each(met, jobs, given.jobs) if one is not None]
+    rows = [row(kind, [one for one in found if one.kind == kind]) for kind in kinds]
+    ratios = [ratio for _, own in rows for ratio in own]
+    heads = ["kind", "records"]
+    for load, unit in zip(LOADS, ("N", "N m"), strict=True):
+        heads += [f"{load} ({unit})", "best peer", "over it"]
+    heads += ["CPU (s)", "of peers"]
+    said = (
+        f"At most {LEAST:g} of the best peer in {sum(r <= LEAST for r in ratios)} of {len(ratios)} kinds and "
+        f"loads, at most {MOST:g} in {sum(r <= MOST for r in ratios)}; the most: {max(ratios):.2f}."
+    )
+    names = ", ".join(peer.name for peer in told_nothing())
+    about = ABOUT.format(command=given.command, count=len(told_nothing()), names=names)
+    title = "Strangers beside peers"
+    paged(given.output, "strangers_peers", title, about, tabled(heads, [cells for cells, _ in rows]), said)
+
+
+if __name__ == "__main__":
+    main()
