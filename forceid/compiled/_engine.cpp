@@ -73,8 +73,9 @@ PYBIND11_MODULE(_engine, module) {
   def("between", flights.between);
   def("turned", flights.turned);
   def("lead", flights.lead);
+  def("sums", bodies.sums);
   def("fitted", bodies.fitted);
-  def("nearest", bodies.nearest);
+  def("kabsch", bodies.turned);
   def("polar", bodies.polar);
   def("bipolar", bodies.bipolar);
   def("steps", bodies.steps);

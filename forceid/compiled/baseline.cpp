@@ -13,9 +13,12 @@
 #include "../flight/flight.hpp"
 #include "../flight/spectra.hpp"
 #include "../motion/poses.hpp"
+#include "twofold.hpp"
+#include "../motion/kabsch.hpp"
+#include "../principal/folded.hpp"
 #include "../pseudorigid/polar.hpp"
 #include "../pseudorigid/splitting.hpp"
 
 const Kernels baseline_kernels = {
-    passes::table, flight::table, {poses::fitted, poses::nearest, polar::polar, polar::bipolar_factors, splitting::steps},
+    passes::table, flight::table, {folded::sums, poses::fitted, kabsch::turned, polar::polar, polar::bipolar_factors, splitting::steps},
     {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}};

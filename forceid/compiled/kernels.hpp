@@ -41,10 +41,11 @@ struct Flights {
                double substep);
 };
 
-// motion/poses.hpp, pseudorigid/polar.hpp and splitting.hpp
+// principal/folded.hpp, motion/poses.hpp and kabsch.hpp, pseudorigid/polar.hpp and splitting.hpp
 struct Bodies {
+  void (*sums)(Array A, Array W, Out out);
   Poses (*fitted)(Array position, Index frames, Index nodes, Array shape, Array weight, Array A, Array C, Array V);
-  Two (*nearest)(Array G);
+  Three (*turned)(Array position, Array shape, Array weight);
   Three (*polar)(Array F);
   Four (*bipolar)(Array F);
   void (*steps)(Out F, Out V, Out F_low, Out V_low, Tensor<std::int8_t> stopped, Array kick, Array drift, Size n,

@@ -30,27 +30,26 @@ def fit_rotation(position: Array, shape: Array, weight: Array) -> tuple[Array, A
            [ 1.,  0.,  0.],
            [ 0.,  0.,  1.]])
     """
+    if compiled is None:
+        return fit_rotation_in_numpy(position, shape, weight)
+    center, R, arrived = compiled.kabsch(position, shape, weight)
+    if len(hard := np.flatnonzero(arrived != 1)):
+        center[hard], R[hard] = fit_rotation_in_numpy(position[hard], shape, weight)
+    return center, R
+
+
+def fit_rotation_in_numpy(position: Array, shape: Array, weight: Array) -> tuple[Array, Array]:
+    """`fit_rotation`, of all frames at once."""
     w = np.where(np.isfinite(position).all(2), weight, 0.0)
     x = np.where(w[..., None] > 0, position, 0.0)
     total = np.maximum(w.sum(1), 1e-300)[:, None]
     weighed = (w[..., None] * x).mT
     x_mean, X_mean = weighed.sum(-1) / total, w @ shape / total
     G = weighed @ shape - total[..., None] * x_mean[:, :, None] * X_mean[:, None]
-    R = nearest_rotation(G)
-    return x_mean - np.einsum("tab,tb->ta", R, X_mean), R
-
-
-def nearest_rotation(G: Array) -> Array:
-    """Rotations (time, 3, 3) that maximize tr(R^T G) of G (time, 3, 3). Compiled where a compiler was."""
-    hard: Indices | slice = slice(None)
-    R = np.empty_like(G)
-    if compiled is not None:
-        R, arrived = compiled.nearest(G)
-        hard = np.flatnonzero(arrived != 1)
-    U, _, Vt = np.linalg.svd(G[hard])
+    U, _, Vt = np.linalg.svd(G)
     U[..., 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
-    R[hard] = U @ Vt
-    return R
+    R = U @ Vt
+    return x_mean - np.einsum("tab,tb->ta", R, X_mean), R
 
 
 def frames_seen_alike(

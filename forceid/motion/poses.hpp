@@ -8,7 +8,6 @@ namespace poses {
 
 constexpr int LANES = REGISTER, NEWTON = 50, STEPS = 40; // of a quartic; of a pose, as ITERATIONS
 constexpr double THOUSANDTH = 1e-3; // of a standard deviation: a last step beyond it has not arrived
-constexpr double ARRIVED = 1e-24;   // rad^2: a last step, of steps whose error goes by its square
 typedef double Lanes __attribute__((vector_size(LANES * 8), may_alias));
 
 INLINE Lanes gathered(const double *const *at, Size i) { // entry i of a frame in each lane
@@ -81,51 +80,6 @@ INLINE void largest(const Lanes *G, const Lanes &bound, Lanes *q) {
     for (int b = 0; b < 4; ++b) q[b] = size > longest ? v[b] : q[b];
     longest = size > longest ? size : longest;
   }
-}
-
-// Rotations (frame, 3, 3) that maximize tr(R^T G) of G (frame, 3, 3), and whether each has arrived: the quartic's,
-// by steps of S = R^T G to the turn after which it is symmetric.
-Two nearest(Array G_) {
-  const Size frames = G_.shape(0);
-  Out R_({frames, 3, 3}), arrived_({frames});
-  for (Size first = 0; first < frames; first += LANES) {
-    const double *at[LANES];
-    for (int l = 0; l < LANES; ++l) at[l] = G_.data() + std::min(first + l, frames - 1) * 9;
-    Lanes G[9], R[9], q[4] = {}, size = {}, last = {};
-    for (int i = 0; i < 9; ++i) {
-      G[i] = gathered(at, i);
-      size += G[i] * G[i];
-    }
-    size = root(size);
-    for (int i = 0; i < 9; ++i) G[i] /= size;
-    largest(G, all(1.7320508075688774), q);
-    rotation(q, R);
-    for (int step = 0; step < 3; ++step) {
-      Lanes S[9] = {}, T[9];
-      for (int a = 0; a < 3; ++a)
-        for (int b = 0; b < 3; ++b)
-          for (int c = 0; c < 3; ++c) S[3 * a + b] += R[3 * c + a] * G[3 * c + b];
-      const Lanes trace = S[0] + S[4] + S[8], d[3] = {S[7] - S[5], S[2] - S[6], S[3] - S[1]};
-      for (int a = 0; a < 3; ++a)
-        for (int b = 0; b < 3; ++b) T[3 * a + b] = (a == b ? trace : all(0.0)) - 0.5 * (S[3 * a + b] + S[3 * b + a]);
-      const Lanes x0 = T[4] * T[8] - T[5] * T[7], x1 = T[5] * T[6] - T[3] * T[8], x2 = T[3] * T[7] - T[4] * T[6];
-      const Lanes half = 0.5 / (T[0] * x0 + T[1] * x1 + T[2] * x2);
-      const Lanes turn[4] = {all(1.0), half * (x0 * d[0] + x1 * d[1] + x2 * d[2]),
-                             half * (x1 * d[0] + (T[0] * T[8] - T[2] * T[6]) * d[1] + (T[2] * T[3] - T[0] * T[5]) * d[2]),
-                             half * (x2 * d[0] + (T[1] * T[6] - T[0] * T[7]) * d[1] + (T[0] * T[4] - T[1] * T[3]) * d[2])};
-      Lanes E[9], next[9];
-      rotation(turn, E);
-      for (int a = 0; a < 3; ++a)
-        for (int b = 0; b < 3; ++b) next[3 * a + b] = R[3 * a] * E[b] + R[3 * a + 1] * E[3 + b] + R[3 * a + 2] * E[6 + b];
-      std::copy(next, next + 9, R);
-      last = turn[1] * turn[1] + turn[2] * turn[2] + turn[3] * turn[3];
-    }
-    for (int l = 0; l < LANES && first + l < frames; ++l) {
-      for (int i = 0; i < 9; ++i) R_.data()[9 * (first + l) + i] = R[i][l];
-      arrived_.data()[first + l] = last[l] < ARRIVED;
-    }
-  }
-  return {R_, arrived_};
 }
 
 // center, rotation, covariance, chi-square, residual of `frames`, and whether each has arrived. nodes: those that

@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from forceid.compiled import engine as compiled
 from forceid.errors import DataError
 from forceid.principal.mass import SparseMatrix, mass_center, mass_times, nodal_mass, nodes_with_mass
 from forceid.principal.operator import axis_count, cross, sum_nodal, summation_operator
 from forceid.records import Array
+
+SPATIAL = 6  # numbers of a wrench in space
 
 
 def resultant(
@@ -46,6 +49,11 @@ def resultant(
     if x.ndim == 2 and p.ndim == 1:
         S = summation_operator(x, p, rotations=dof > x.shape[-1])
         folded = S * np.repeat(M, dof)[:, None] if M.ndim == 1 else mass_times(M, S.T).T
+        flat = r.reshape(-1, len(folded))
+        if compiled is not None and folded.shape[1] == SPATIAL and len(flat) > 1:
+            found = np.empty((len(flat), SPATIAL))
+            compiled.sums(flat, folded.T, found)
+            return found.reshape(*r.shape[:-2], SPATIAL)
         return np.asarray(r.reshape(*r.shape[:-2], -1) @ folded)
     if M.ndim == 1:
         return sum_nodal(r, x, p, weight=M)

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
+from evidence.races.rotations import ill_conditioned_errors, our_fit
 from forceid.estimation.body.deforming.modes import split_rigid
 from forceid.motion import pose as pose_module
 from forceid.motion.frames import fit_pose
@@ -174,6 +175,32 @@ def test_compiled_poses_are_those_in_numpy(markers, monkeypatch):
         scale = np.nanmax(np.abs(getattr(plain, name)))
         # two Gauss-Newton steps leave the fourth power of the first error
         np.testing.assert_allclose(getattr(ours, name), getattr(plain, name), rtol=0, atol=1e-9 * scale)
+
+
+@pytest.mark.skipif(pose_module.compiled is None, reason="no compiler was here")
+@pytest.mark.parametrize("markers", [3, 7, 40])
+def test_compiled_fits_are_those_by_singular_values(markers, monkeypatch):
+    """Far from the origin, with gaps, weights of zero, a mirrored frame and one that shows nothing."""
+    rng = np.random.default_rng(markers)
+    X, weight = rng.standard_normal((markers, 3)), rng.uniform(0.5, 1.5, markers)
+    R = Rotation.random(203, rng=rng).as_matrix()
+    x = 100.0 + X @ R.mT + 0.05 * rng.standard_normal((203, markers, 3))
+    x[1] = 100.0 + X * [-1, 1, 1]
+    if markers > 3:
+        x[::5, 0], x[2::9, 1, 2], weight[2] = np.nan, np.inf, 0.0
+    x[7] = np.nan
+    ours = fit_rotation(x, X, weight)
+    monkeypatch.setattr(pose_module, "compiled", None)
+    plain = fit_rotation(x, X, weight)
+    shown = np.arange(203) != 7
+    for mine, theirs in zip(ours, plain, strict=True):
+        np.testing.assert_allclose(mine[shown], theirs[shown], rtol=0, atol=1e-10)
+
+
+@pytest.mark.skipif(pose_module.compiled is None, reason="no compiler was here")
+def test_the_turn_of_a_thin_set_keeps_its_digits():
+    """Where rounding of G costs half a million eps, against the fit in extended precision."""
+    assert max(ill_conditioned_errors(our_fit).values()) < 1e-13
 
 
 @pytest.mark.parametrize("engine", [pose_module.compiled, None])

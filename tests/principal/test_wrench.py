@@ -16,6 +16,7 @@ from principal_bodies import (
 from scipy.spatial.transform import Rotation
 
 from forceid.errors import DataError
+from forceid.principal import wrench as wrench_module
 from forceid.principal.mass import mass_center, mass_properties
 from forceid.principal.operator import summation_operator
 from forceid.principal.wrench import (
@@ -197,3 +198,17 @@ def test_acceleration_of_other_nodes_is_refused_by_name():
         resultant(np.ones(9), TRUSS, np.zeros((4, 3)))
     with pytest.raises(DataError, match="acceleration has shape"):
         resultant(frame_mass(), TRUSS, np.zeros((9, 3)))
+
+
+@pytest.mark.skipif(wrench_module.compiled is None, reason="no compiler was here")
+@pytest.mark.parametrize("nodes", [1, 3, 21, 22, 100, 700])
+def test_compiled_sums_are_those_in_numpy(nodes, monkeypatch):
+    """Of short and of long frames, whole registers of them or not, and of every other frame."""
+    rng = np.random.default_rng(nodes)
+    mass, x = rng.uniform(0.5, 1.5, nodes), rng.standard_normal((nodes, 3))
+    a = rng.standard_normal((3, 7, nodes, 3))
+    ours = resultant(mass, x, a), resultant(mass, x, a[0, ::2])
+    monkeypatch.setattr(wrench_module, "compiled", None)
+    plain = resultant(mass, x, a), resultant(mass, x, a[0, ::2])
+    for mine, theirs in zip(ours, plain, strict=True):
+        np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-12 * nodes)
