@@ -204,6 +204,18 @@ def descend(
             solution = replace(solution, state=replace(solution.state, wrench_cov=cov))
         return LevelChoice(steps[i].model, said, steps[i], tuple(steps)), solution
 
+    def settles(i: int) -> bool:
+        try:
+            solved(i)
+        except EstimationError:  # a level at which the flight does not settle explains nothing
+            return False
+        return True
+
+    # shapes that are found leave open what mass without markers does; strains above them, which say so, may be
+    # off by less than is claimed for that
+    speaking = [i for i in range(best + 1, len(steps)) if look(i).hidden is None]
+    if speaking and look(best).hidden is not None and settles(best) and settles(speaking[0]):
+        best = speaking[0] if WORSE * worse(solved(speaking[0]), solved(best)) < 1 else best
     if best <= first:
         return chosen(best)
     # to mass that neither markers nor shapes follow all levels are blind: their distance proves nothing
@@ -231,10 +243,10 @@ def descend(
         return steps[i].change <= NEAR
 
     def enough(i: int) -> bool:
-        try:
-            solved(i)
-        except EstimationError:  # a level at which the flight does not settle explains nothing
+        if not settles(i):
             return False
+        if (ringing := solved(i).ringing) is not None and ringing.growth.max() > WORSE:
+            return False  # it is seen to ring, and claims what it then may do: the shapes follow that
         if from_view(solved(i), top, motion.time) <= WORSE:
             return True
         if steps[i].change > CLEAR:
