@@ -211,8 +211,8 @@ def descend(
             return False
         return True
 
-    # shapes that are found leave open what mass without markers does; strains above them say so, and may be off
-    # by less than is claimed for that
+    # shapes that are found leave open what mass without markers does; strains above them say so, and may be
+    # off by less than is claimed for that
     speaking = [i for i in range(best + 1, len(steps)) if look(i).hidden is None]
     if speaking and look(best).hidden is not None and settles(best) and settles(speaking[0]):
         best = speaking[0] if WORSE * worse(solved(speaking[0]), solved(best)) < 1 else best
