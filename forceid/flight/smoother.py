@@ -170,6 +170,7 @@ def settled(
     lead = partial(led, flight, force, moment)
     found: tuple[StateSpace, Array, Reference, Array] | None = None
     size, share, steps = np.inf, 1.0, 0
+    least, since, nearest = np.inf, 0, (found, reference)
     for _ in range(ITERATIONS):
         try:
             model, z = linear_flight(flight, force, moment, reference)
@@ -195,6 +196,10 @@ def settled(
         # at rest, or where the step to come, shorter by as much again, would be; or moved by rounding alone
         to_come = size * min(size / last, 1.0) if attitude_seen and np.isfinite(last) else size
         if to_come < rest or (size < SETTLED and size > 0.5 * last):
+            break
+        least, since, nearest = (size, 0, (found, reference)) if size < least else (least, since + 1, nearest)
+        if since == LOOK_AFTER and attitude_seen:
+            size, (found, reference) = least, nearest
             break
     assert found is not None
     if size > max(SETTLED, swamped) and attitude_seen:

@@ -42,10 +42,10 @@ from forceid.estimation.methods.tuning import (
     tune_moment,
     with_stated_priors,
 )
+from forceid.flight.model import LOOK_AFTER
 from forceid.kalman.engines import Engine
 from forceid.motion import log, second_order
 from forceid.records import Body, Motion
-from forceid.rounding import ITERATIONS
 from forceid.significance import TENTH, WILD
 from forceid.timing import stage
 
@@ -192,19 +192,22 @@ def about_its_path(problem: Problem) -> Problem:
     """The problem solved with poses linearized about its path, where their own errors are too large for it.
 
     Markers near a line tell the turn about it so badly that a mass center beside the line moves by the square
-    of its errors; the path knows it far better.
+    of its errors; the path knows it far better. Until no path is nearer any more to the one before.
     """
-    for _ in range(ITERATIONS):
+    least, since, nearest = np.inf, 0, problem
+    while since < LOOK_AFTER:
         kin, state, path = problem.kin, problem.state, problem.path
         by_itself = kin.markers is None or kin.deforms or kin.apart or kin.spin is not None
         if by_itself or not kin.attitude:
-            break
+            return problem
         seen = np.isfinite(kin.pose.cov).all((1, 2))
         off = None if path is None else log(state.rotation[seen] @ path[1][seen].mT)
-        if not second_order(kin.pose.cov[seen], off).max(initial=0.0) > TENTH:
-            break
+        apart = second_order(kin.pose.cov[seen], off).max(initial=0.0)
+        if not apart > TENTH:
+            return problem
+        least, since, nearest = (apart, 0, problem) if apart < least else (least, since + 1, nearest)
         problem = through(PASS, replace(problem, path=(state.center, state.rotation), near={}))
-    return problem
+    return nearest
 
 
 def beside_lines(problem: Problem, harmonics: Collection[str] = ()) -> Problem:
