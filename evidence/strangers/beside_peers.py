@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from time import process_time
 
 import numpy as np
 
@@ -28,19 +27,17 @@ from forceid.records import Array
 OURS = "forceid"
 LEAST, MOST = 1.0, 1.2  # times the error of the best peer, which nine of ten and all are to keep below
 ABOUT = """\
-`{command}`: the records of [strangers](strangers.md), one of every kind and seed, each met by {count} peers:
-{names}. Each is told the recording alone. Errors are rms over the central three quarters and all axes, then
-geometric means over seeds. The best peer is the one with the least of these means, by kind and load: nobody
-knows beforehand which it is. CPU: medians a record."""
+`{command}`: records of [strangers](strangers.md) of every kind and seed, each met by {count} peers that are
+told the recording alone: {names}. Rms errors over the central three quarters, geometric means over seeds,
+told over those of the best peer by kind and load, which nobody knows beforehand."""
 
 
 @dataclass(frozen=True)
 class Met:
-    """A record of a kind: errors of force and moment by who met it, NaN where none is given, and seconds."""
+    """A record of a kind: errors of force and moment by who met it, NaN where none is given."""
 
     kind: str
     error: Mapping[str, tuple[float, ...]]
-    seconds: Mapping[str, float]
 
 
 def met(job: tuple[str, int]) -> Met | None:
@@ -50,22 +47,18 @@ def met(job: tuple[str, int]) -> Met | None:
         scene, _, recording = drawn(kind, seed)
     except FloatingPointError:
         return None
-    case, error, seconds = case_of(kind, recording, False), {}, {}
-    began = process_time()
+    case, error = case_of(kind, recording, False), {}
     try:
         found = estimate_recording(case.blind, load_settings(**scene.settings))
         error[OURS] = errors(case, found.force, found.moment)
     except ForceIdError:
         error[OURS] = np.nan, np.nan
-    seconds[OURS] = process_time() - began
     for peer in told_nothing():
-        began = process_time()
         try:
             error[peer.name] = errors(case, *peer.prepare(case)().found)
         except (ForceIdError, ValueError, np.linalg.LinAlgError):  # a peer that cannot do it
             error[peer.name] = np.nan, np.nan
-        seconds[peer.name] = process_time() - began
-    return Met(kind, error, seconds)
+    return Met(kind, error)
 
 
 def told_nothing() -> list[Contestant]:
@@ -92,16 +85,15 @@ def row(kind: str, of: Sequence[Met]) -> tuple[list[str], list[float]]:
     """A kind in the table, and its ratios of force and moment."""
     names = [name for name in of[0].error if name != OURS]
     ours, theirs = means(of, OURS), np.array([means(of, name) for name in names])
-    cells, ratios = [kind, str(len(of))], []
+    cells, ratios = [kind], []
     for k in range(len(LOADS)):
         if not np.isfinite(ours[k]) or not np.isfinite(theirs[:, k]).any():
-            cells += ["", "", ""]
+            cells += ["", ""]
             continue
         best = int(np.nanargmin(theirs[:, k]))
         ratios.append(float(ours[k] / theirs[best, k]))
-        cells += [f"{ours[k]:.3g}", names[best], f"{ratios[-1]:.2f}"]
-    spent = [np.median([record.seconds[who] for record in of]) for who in (OURS, *names)]
-    return [*cells, f"{spent[0]:.1f}", f"{min(spent[1:]):.2f} to {max(spent[1:]):.1f}"], ratios
+        cells += [f"{ratios[-1]:.2g}", names[best]]
+    return cells, ratios
 
 
 def main() -> None:
@@ -112,10 +104,7 @@ def main() -> None:
     found = [one for one in each(met, jobs, given.jobs) if one is not None]
     rows = [row(kind, [one for one in found if one.kind == kind]) for kind in kinds]
     ratios = [ratio for _, own in rows for ratio in own]
-    heads = ["kind", "records"]
-    for load, unit in zip(LOADS, ("N", "N m"), strict=True):
-        heads += [f"{load} ({unit})", "best peer", "over it"]
-    heads += ["CPU (s)", "of peers"]
+    heads = ["kind", *(head for load in LOADS for head in (f"{load} over best", "best peer"))]
     said = (
         f"At most {LEAST:g} of the best peer in {sum(r <= LEAST for r in ratios)} of {len(ratios)} kinds and "
         f"loads, at most {MOST:g} in {sum(r <= MOST for r in ratios)}; the most: {max(ratios):.2f}."

@@ -81,11 +81,10 @@ def test_only_an_ok_off_by_more_than_two_claims_or_witnesses_is_silent():
 
 
 def test_the_best_peer_is_that_of_least_geometric_mean_by_load():
-    spent = {OURS: 1.0, "a": 0.1, "b": 2.0}
     of = [
-        Met("box", {OURS: (1.0, 3.0), "a": (2.0, np.nan), "b": (4.0, 1.0)}, spent),
-        Met("box", {OURS: (4.0, 3.0), "a": (8.0, 1.0), "b": (1.0, 9.0)}, spent),
+        Met("box", {OURS: (1.0, 3.0), "a": (2.0, np.nan), "b": (4.0, 1.0)}),
+        Met("box", {OURS: (4.0, 3.0), "a": (8.0, 1.0), "b": (1.0, 9.0)}),
     ]
     cells, ratios = row("box", of)
     assert ratios == pytest.approx([1.0, 1.0])  # 2 over b's 2, and 3 over b's 3: a has no moment in one
-    assert cells[3] == cells[6] == "b"
+    assert cells[2] == cells[4] == "b"
