@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,18 +19,19 @@ from evidence.strangers.kinds import KINDS, drawn
 from evidence.subject import Contestant
 from evidence.subjects.flights.cases import Case, case_of
 from evidence.subjects.flights.peers.entrants import peers
-from evidence.written import asked, each, paged, tabled
+from evidence.written import asked, each, paged, pictured
 from forceid.config import load_settings
 from forceid.errors import ForceIdError
 from forceid.estimation.run import estimate_recording
 from forceid.records import Array
 
 OURS = "forceid"
+LEAST_SHOWN = 0.01  # ratio: less is drawn there
 LEAST, MOST = 1.0, 1.2  # times the error of the best peer, which nine of ten and all are to keep below
 ABOUT = """\
 `{command}`: records of [strangers](strangers.md) of every kind and seed, each met by {count} peers that are
-told the recording alone: {names}. Rms errors over the central three quarters, geometric means over seeds,
-told over those of the best peer by kind and load, which nobody knows beforehand."""
+told the recording alone. They are {names}. Rms errors over the central three quarters are told over those of
+the best peer by kind and load: nobody knows it beforehand. Over seeds they are geometric means."""
 
 
 @dataclass(frozen=True)
@@ -81,19 +83,49 @@ def means(of: Sequence[Met], who: str) -> Array:
     return np.asarray(np.exp(np.mean(np.log([record.error[who] for record in of]), axis=0)))
 
 
-def row(kind: str, of: Sequence[Met]) -> tuple[list[str], list[float]]:
-    """A kind in the table, and its ratios of force and moment."""
+def over_best(of: Sequence[Met]) -> list[tuple[float, str]]:
+    """Errors of force and moment over those of the best peer, with its name; NaN where one is not known."""
     names = [name for name in of[0].error if name != OURS]
     ours, theirs = means(of, OURS), np.array([means(of, name) for name in names])
-    cells, ratios = [kind], []
-    for k in range(len(LOADS)):
-        if not np.isfinite(ours[k]) or not np.isfinite(theirs[:, k]).any():
-            cells += ["", ""]
-            continue
-        best = int(np.nanargmin(theirs[:, k]))
-        ratios.append(float(ours[k] / theirs[best, k]))
-        cells += [f"{ratios[-1]:.2g}", names[best]]
-    return cells, ratios
+    found = []
+    for own, others in zip(ours, theirs.T, strict=True):
+        best = int(np.argmin(np.where(np.isfinite(others), others, np.inf)))
+        found.append((float(own / others[best]), names[best]))
+    return found
+
+
+def figure_of(found: Mapping[str, Sequence[tuple[float, str]]]) -> Any:
+    """Ratios of every kind, force and moment, on a logarithmic axis, with the names of the best peers."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(8.0, 0.42 * len(found) + 1.4), layout="constrained")
+    for k, (load, mark) in enumerate(zip(LOADS, "os", strict=True)):
+        shown = [(max(pairs[k][0], LEAST_SHOWN), n) for n, pairs in enumerate(found.values())]
+        x, y = np.array(shown).T
+        axes.plot(x, y + 0.17 * (2 * k - 1), mark, label=load)
+        for n, pairs in enumerate(found.values()):
+            axes.annotate(
+                pairs[k][1],
+                (x[n], y[n] + 0.17 * (2 * k - 1)),
+                (6, -3),
+                textcoords="offset points",
+                fontsize=7,
+            )
+    axes.axvline(1.0, color="0.3", linewidth=1)
+    axes.set(
+        xscale="log",
+        xlim=(0.7 * LEAST_SHOWN, 4.0),
+        xlabel="error of forceid over that of the best peer, named beside it",
+    )
+    axes.set_yticks(range(len(found)), list(found))
+    axes.invert_yaxis()
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.grid(axis="x", alpha=0.3)
+    axes.legend(loc="lower left")
+    return figure
 
 
 def main() -> None:
@@ -102,9 +134,9 @@ def main() -> None:
     kinds = [kind for kind in KINDS if re.search(given.only, kind)]
     jobs = [(kind, seed) for kind in kinds for seed in given.seeds]
     found = [one for one in each(met, jobs, given.jobs) if one is not None]
-    rows = [row(kind, [one for one in found if one.kind == kind]) for kind in kinds]
-    ratios = [ratio for _, own in rows for ratio in own]
-    heads = ["kind", *(head for load in LOADS for head in (f"{load} over best", "best peer"))]
+    each_kind = {kind: over_best([one for one in found if one.kind == kind]) for kind in kinds}
+    ratios = [ratio for pairs in each_kind.values() for ratio, _ in pairs if np.isfinite(ratio)]
+    pictured(given.output, "strangers_peers", figure_of(each_kind))
     said = (
         f"At most {LEAST:g} of the best peer in {sum(r <= LEAST for r in ratios)} of {len(ratios)} kinds and "
         f"loads, at most {MOST:g} in {sum(r <= MOST for r in ratios)}; the most: {max(ratios):.2f}."
@@ -112,7 +144,8 @@ def main() -> None:
     names = ", ".join(peer.name for peer in told_nothing())
     about = ABOUT.format(command=given.command, count=len(told_nothing()), names=names)
     title = "Strangers beside peers"
-    paged(given.output, "strangers_peers", title, about, tabled(heads, [cells for cells, _ in rows]), said)
+    picture = "![Error over that of the best peer, by kind of scene](strangers_peers.png)"
+    paged(given.output, "strangers_peers", title, about, picture, said)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evidence.strangers.beside_peers import OURS, Met, row
+from evidence.strangers.beside_peers import OURS, Met, over_best
 from evidence.strangers.bodies import Solid, flung, world
 from evidence.strangers.outcome import StrangerOutcome, counted
 from evidence.strangers.rigid import satellite
@@ -85,6 +85,5 @@ def test_the_best_peer_is_that_of_least_geometric_mean_by_load():
         Met("box", {OURS: (1.0, 3.0), "a": (2.0, np.nan), "b": (4.0, 1.0)}),
         Met("box", {OURS: (4.0, 3.0), "a": (8.0, 1.0), "b": (1.0, 9.0)}),
     ]
-    cells, ratios = row("box", of)
-    assert ratios == pytest.approx([1.0, 1.0])  # 2 over b's 2, and 3 over b's 3: a has no moment in one
-    assert cells[2] == cells[4] == "b"
+    # 2 over b's 2, and 3 over b's 3: a has no moment in one
+    assert over_best(of) == [(pytest.approx(1.0), "b"), (pytest.approx(1.0), "b")]
