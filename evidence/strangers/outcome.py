@@ -46,8 +46,8 @@ class StrangerOutcome(Judged):
             )
         )
         said = f"{self.verdict}{' SILENT' if self.silent else ''}"
-        parts = f"{self.kind} {self.seed}: {said}", values, f"{self.seconds:.1f} s", ", ".join(self.codes)
-        return "; ".join([*parts, self.facts])
+        how = "; ".join([f"Took {self.seconds:.1f} s", ", ".join(self.codes), self.facts])
+        return f"{self.kind} {self.seed}: {said}; {values}. {how}"
 
 
 def counted(kind: str, of: Sequence[StrangerOutcome]) -> list[str]:
