@@ -13,6 +13,18 @@
 
 #define INLINE inline __attribute__((always_inline))
 
+// Between these no product is contracted with a sum into an fma.
+#if defined(__clang__)
+#define UNCONTRACTED _Pragma("STDC FP_CONTRACT OFF")
+#define CONTRACTED
+#elif defined(__GNUC__)
+#define UNCONTRACTED _Pragma("GCC push_options") _Pragma("GCC optimize(\"fp-contract=off\")")
+#define CONTRACTED _Pragma("GCC pop_options")
+#else
+#define UNCONTRACTED
+#define CONTRACTED
+#endif
+
 // clang knows no pragma for it; arm64 has its vectors in the baseline
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #define DISPATCHES 1

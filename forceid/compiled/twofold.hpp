@@ -5,12 +5,7 @@
 //
 // Compiled once for each kind of processor, with registers of REGISTER doubles.
 
-#if defined(__clang__)
-#pragma STDC FP_CONTRACT OFF
-#elif defined(__GNUC__)
-#pragma GCC push_options
-#pragma GCC optimize("fp-contract=off")
-#endif
+UNCONTRACTED
 
 namespace {
 namespace twofold {
@@ -68,6 +63,4 @@ INLINE Lanes rounded(const Twofold &a) { return a.high + a.low; }
 } // namespace twofold
 } // namespace
 
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC pop_options
-#endif
+CONTRACTED

@@ -6,12 +6,7 @@
 //
 // Compiled once for each kind of processor, with registers of REGISTER doubles.
 
-#if defined(__clang__)
-#pragma STDC FP_CONTRACT OFF
-#elif defined(__GNUC__)
-#pragma GCC push_options
-#pragma GCC optimize("fp-contract=off")
-#endif
+UNCONTRACTED
 
 namespace {
 namespace kabsch {
@@ -44,9 +39,7 @@ __attribute__((noinline)) void skew_part(const double *X, int N, const Lanes *x,
 } // namespace kabsch
 } // namespace
 
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC pop_options
-#endif
+CONTRACTED
 
 namespace {
 namespace kabsch {

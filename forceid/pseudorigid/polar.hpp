@@ -6,12 +6,7 @@
 //
 // Compiled once for each kind of processor, with registers of REGISTER doubles.
 
-#if defined(__clang__)
-#pragma STDC FP_CONTRACT OFF
-#elif defined(__GNUC__)
-#pragma GCC push_options
-#pragma GCC optimize("fp-contract=off")
-#endif
+UNCONTRACTED
 
 namespace {
 namespace polar {
@@ -231,6 +226,4 @@ Four bipolar_factors(Array F_) {
 } // namespace polar
 } // namespace
 
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC pop_options
-#endif
+CONTRACTED
