@@ -89,7 +89,7 @@ def by_answer(found: Iterable[tuple[str, str]]) -> list[dict[str, Any]]:
 
 
 def counted(found: Ended) -> tuple[str, list[str]]:
-    """A table of ends and faults by kind, and a line for each that is wrong."""
+    """How runs ended; a table of ends and faults by kind where one is wrong, and a line for each of those."""
     rows: dict[str, Counter[str]] = defaultdict(Counter)
     odd = []
     for number, (kind, end, faults) in enumerate(found, 1):
@@ -103,8 +103,9 @@ def counted(found: Ended) -> tuple[str, list[str]]:
     heads = ["kind", "runs", *sorted({k for c in rows.values() for k in c if k.startswith("exit")})]
     heads += [fault for fault in FAULT_KINDS if rows["all"][fault]]
     names = [*(k for k in sorted(rows) if k != "all"), "all"]
-    if len(heads) == 3:  # all ended alike, and nothing was wrong
-        return f"{number} runs of {len(names) - 1} kinds, {names[0]} among them: all {heads[2]}.", odd
+    if not odd:
+        ends = ", ".join(f"{end} {rows['all'][end]}" for end in heads[2:])
+        return f"{number} runs of {len(names) - 1} kinds ({', '.join(names[:-1])}): {ends}.", odd
     return table([{"kind": k, **{h: rows[k][h] for h in heads[1:]}} for k in names], heads), odd
 
 

@@ -18,10 +18,10 @@ import numpy as np
 from evidence.claims.coverage import SCENES
 from evidence.drawn.records.aircraft import Drawn, frisbee, glider, thrown_ball
 from evidence.written import asked, each, paged, pictured, tabled
-from forceid.aero import FittedLaw, fit_flights, law_setting
 from forceid.config import AeroSetting, load_settings
 from forceid.errors import ForceIdError
 from forceid.estimation.run import estimate_recording
+from forceid.laws import FittedLaw, fit_flights, law_setting
 from forceid.records import Estimate, Recording
 from forceid.report.plots.style import BLUE, GRAY, VERMILION, label, panels
 from forceid.scenes import load_recipe, simulate

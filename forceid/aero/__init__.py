@@ -1,4 +1,4 @@
-"""A body in air: what the air does to it, and laws of that which flights are fitted to.
+"""A body in air: how air meets it, and what that does to it, with its uncertainty.
 
 What may be used from outside stands in the stub beside; each name loads on first use.
 """

@@ -1,5 +1,7 @@
-from forceid.aero.fitted import FittedLaw as FittedLaw
-from forceid.aero.fitted import fit_flights as fit_flights
-from forceid.aero.law import LawSetting as LawSetting
-from forceid.aero.law import law_setting as law_setting
+from forceid.aero.air import density_of as density_of
+from forceid.aero.air import wind_at as wind_at
+from forceid.aero.axes import Flow as Flow
+from forceid.aero.axes import cross as cross
+from forceid.aero.axes import dot as dot
+from forceid.aero.axes import flow as flow
 from forceid.aero.quantities import aero_of as aero_of

@@ -1,4 +1,4 @@
-"""forceid coefficients: what the air does to a body, as coefficients, from one flight or many."""
+"""forceid coefficients: what air and ground do to a body, as coefficients, from one motion or many."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def run(
         list[Path], typer.Argument(metavar="RESULT.h5...", help="Results of forceid estimate.")
     ],
     config: Annotated[
-        Path, typer.Option("-c", "--config", metavar="AERO.toml", help="Terms to choose from; air and sizes.")
+        Path, typer.Option("-c", "--config", metavar="LAW.toml", help="Terms to choose from, and sizes.")
     ],
     output: Annotated[
         Path | None, written("MODEL.toml", "Coefficients with covariance; MODEL.h5 for HDF5.")
@@ -28,16 +28,17 @@ def run(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Fit a law of the air to flights: coefficients with 95 % intervals, and no more terms than they ask for.
+    """Fit a law of air or ground to motions: coefficients with 95 % intervals, no more terms than needed.
 
-    AERO.toml names terms by component, as `lift = ["1", "alpha", "spline(alpha, 0.2)"]` under [law]. The law
-    is flown again from the start of every flight, beside what was seen of it.
+    LAW.toml names terms by component, as `lift = ["1", "alpha", "spline(alpha, 0.2)"]` under [law], of the
+    ground as `contact = ["depth", "depth_rate"]`, `friction = ["1"]`, `rolling = ["1"]`. The law is flown
+    again from the start of every motion, beside what was seen of it.
 
-    Example: forceid coefficients throws/*.result.h5 -c aero.toml -o model.toml
+    Example: forceid coefficients throws/*.result.h5 -c law.toml -o model.toml
     """
-    from forceid.aero import fit_flights, law_setting
     from forceid.config import read_toml
     from forceid.files import check_output, read_result
+    from forceid.laws import fit_flights, law_setting
 
     if output is not None:
         if output.suffix not in (TABLE, GROUPS):

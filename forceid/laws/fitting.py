@@ -1,4 +1,4 @@
-r"""A law of the air fitted to flights: the one under which they fly again nearest to what was seen.
+r"""A law fitted to flights: the one under which they fly again nearest to what was seen.
 
 Errors of a smoothed wrench hang together over time, through the prior that smoothed it: taken one by one they
 would promise far too much, and they are drawn to the prior. Both are avoided where the information came from.
@@ -23,10 +23,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from forceid.aero.air import wind_at
-from forceid.aero.flying import Course, Path, fly
-from forceid.aero.law import Law
 from forceid.errors import EstimationError
+from forceid.laws.flying import Course, Path, fly
+from forceid.laws.law import Law
 from forceid.motion import log
 from forceid.records import Array, Flags
 from forceid.rounding import ITERATIONS
@@ -38,8 +37,8 @@ PROBE = (
 )
 MOST_SUBSTEPS = 64  # between two samples: more are asked for by flights that leave all bounds alone
 DAMPING = 0.0  # of the diagonal, to begin with: the smoothed wrench gives a good beginning
-EASED, DAMPED = 30.0, 10.0  # by which a good step eases the damping, and a bad one adds to it
-FREE = 1e-9  # damping below which there is none
+EASED, DAMPED = 4.0, 8.0  # by which a good step eases the damping, and a bad one adds to it
+FREE = 1e-4  # damping below which there is none
 HOPELESS = 1e9  # times the diagonal: damping at which nothing moves any more
 SETTLES = 1e-3  # of chi-square for each coefficient: moves it by a thirtieth of its deviation at most
 
@@ -68,36 +67,20 @@ class Fit:
 
 
 def paced(course: Course, law: Law, value: Array) -> Course:
-    """The course with as many substeps as its flight under the law takes to be exact for its errors."""
-    n, path = 1, fly(replace(course, substeps=1), law, course.start[None], value[None])
-    while n < MOST_SUBSTEPS:
-        finer = fly(replace(course, substeps=2 * n), law, course.start[None], value[None])
-        apart = np.abs(residual(course, path) - residual(course, finer)).max()
-        if apart < TENTH:
-            break
-        n, path = 2 * n, finer
-    return replace(course, substeps=n)
-
-
-def first_value(courses: Sequence[Course], law: Law) -> tuple[Array, Array]:
-    """Coefficients by least squares on the smoothed wrench, and the deviation of
-    each with the others known: a beginning, no more.
+    """The course with as many substeps as its flight under the law takes to be exact for its errors: first
+    near the ground, then elsewhere.
     """
-    k = len(law.terms)
-    normal, right = np.zeros((k, k)), np.zeros(k)
-    for course in courses:
-        center, velocity, R, omega = course.path
-        air = velocity - wind_at(law.aero, center, course.gravity, course.wind)
-        rows = law.columns(course.time, air, R, omega) / course.wrench_std[..., None]
-        y = course.wrench / course.wrench_std
-        good = np.isfinite(rows).all(-1) & np.isfinite(y)
-        rows, y = rows[good], y[good]
-        normal += rows.T @ rows
-        right += rows.T @ y
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    scaled = normal / np.outer(size, size) + 1e-9 * np.eye(k)
-    value = np.linalg.solve(scaled, right / size) / size
-    return value, 1 / size
+    course = replace(course, substeps=np.ones_like(course.substeps))
+    path = fly(course, law, course.start[None], value[None])
+    for part in (course.near, ~course.near):
+        while part.any() and course.substeps[part].max() < MOST_SUBSTEPS:
+            finer = replace(course, substeps=np.where(part, 2 * course.substeps, course.substeps))
+            trial = fly(finer, law, course.start[None], value[None])
+            apart = np.abs(residual(course, path) - residual(course, trial)).max()
+            if apart < TENTH:
+                break
+            course, path = finer, trial
+    return course
 
 
 def residual(course: Course, path: Path) -> Array:
@@ -173,20 +156,17 @@ def solved(parts: Sequence[Linear], damping: float) -> tuple[list[Array], Array,
     size = np.sqrt(np.maximum(np.diag(shared), 1e-300))
     scaled = shared / np.outer(size, size)
     move = np.linalg.solve(scaled + (damping + 1e-12) * np.eye(k), right / size) / size
-    cov = np.linalg.inv(scaled + 1e-12 * np.eye(k)) / np.outer(size, size)
+    with np.errstate(over="ignore"):  # infinite where nothing is told
+        cov = np.linalg.inv(scaled + 1e-12 * np.eye(k)) / np.outer(size, size)
     return [(X[:, -1] - X[:, :-1] @ move) / s for X, s in kept], move, cov
 
 
-def fit(courses: Sequence[Course], law: Law, start: Array | None = None, value: Array | None = None) -> Fit:
+def fit(courses: Sequence[Course], law: Law, start: Array, value: Array, spread: Array) -> Fit:
     """The law at its best for all courses at once, from a start (flight, 12) and coefficients (term,) near.
 
-    EstimationError: it does not settle.
+    spread (term,): of the coefficients, about. EstimationError: it does not settle.
     """
-    guess, spread = first_value(courses, law)
-    value = guess if value is None else value
-    start = np.stack([c.start for c in courses]) if start is None else start
-    step = PROBE * spread
-    start, value, parts, cov = settled(courses, law, start, value, step)
+    start, value, parts, cov = settled(courses, law, start, value, PROBE * spread)
     rest, slopes = (tuple(getattr(p, n) for p in parts) for n in ("residual", "slopes"))
     square = float(sum((r**2).sum() for r in rest))
     return Fit(law, value, start, cov, rest, slopes, square, sum(count_of(c) for c in courses))
@@ -212,17 +192,24 @@ def settled(
     for _ in range(ITERATIONS):
         moves, move, _ = solved(parts, damping)
         trial = start + np.stack(moves), value + move
+        expected = foreseen(parts, moves, move)
         found = about(*trial)
         gain = best - squares(found)
         if gain > 0:
             (start, value), parts, best = trial, found, best - gain
-        if abs(gain) < SETTLES * max(1, len(value)):
+        if min(abs(gain), expected) < SETTLES * max(1, len(value)):
             return start, value, parts, solved(parts, 0.0)[2]
         damping = (damping / EASED if damping > FREE else 0.0) if gain > 0 else max(damping, FREE) * DAMPED
         if damping > HOPELESS:
             break
     what = "does not settle under the law"
     raise EstimationError(what, courses[0].name, "leave out terms that its motion does not tell apart")
+
+
+def foreseen(parts: Sequence[Linear], moves: Sequence[Array], move: Array) -> float:
+    """How far the sum of squares would fall by moves of starts and coefficients, were all as straight."""
+    after = [p.residual + p.slopes @ np.concatenate([own, move]) for p, own in zip(parts, moves, strict=True)]
+    return float(sum((p.residual**2).sum() - (r**2).sum() for p, r in zip(parts, after, strict=True)))
 
 
 def squares(parts: Sequence[Linear]) -> float:

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.spatial.transform import Rotation
 
-from forceid.aero.flying import Course
 from forceid.errors import DataError
+from forceid.laws.flying import Course
 from forceid.records import Array, Estimate, Flags
 
 FEWEST = 20  # frames with a pose: twice as many numbers as a start takes, and more
@@ -50,6 +50,7 @@ def course_of(estimate: Estimate, name: str) -> Course:
         name, estimate.time[s] - estimate.time[first], at[s], R[s], root[s], estimate.mass, inertia[s],
         flown.internal_momentum[s], np.asarray(estimate.gravity), bridged(flown.wind, s), turns, start, begin,
         wrench[s], std[s], (estimate.center[s], estimate.velocity[s], turned, omega[s]),
+        np.ones(stop - first - 1, int), np.zeros(stop - first - 1, bool),
     )  # fmt: skip
 
 

@@ -1,24 +1,24 @@
-"""Terms of a law of the air: products of angles, rates and splines, read from short texts."""
+"""Terms of a law: products of angles, rates, depths and splines, read from short texts."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
 
-from forceid.aero.axes import Flow, dot
+from forceid.aero import Flow, dot
 from forceid.errors import ConfigError
 from forceid.records import Array
 
-VARIABLES = (
+AIR = (
     "alpha", "beta", "p", "q", "r", "spin", "roll_rate", "pitch_rate", "yaw_rate", "spin_rate", "speed",
 )  # fmt: skip
 RATES = {"roll_rate": "x", "pitch_rate": "y", "yaw_rate": "z"}
 ABOUT = {"p": (1, "roll_rate"), "q": (0, "pitch_rate"), "r": (1, "yaw_rate"), "spin": (1, "spin_rate")}
-POWER = re.compile(r"(\w+)(?:\^(\d))?")
+POWER = re.compile(r"(\w+)(?:\^(\d(?:\.\d+)?))?")
 SPLINE = re.compile(r"spline\((\w+),(-?[\d.]+(?:e-?\d+)?)\)")
 SWING = re.compile(r"(sin|cos)\(([\d.]+)\)")
 
@@ -52,15 +52,16 @@ class Term:
     value: Value
 
 
-def term_of(text: str, where: str) -> Term:
+def term_of(text: str, where: str, variables: Sequence[str] = AIR) -> Term:
     """The term that a text names: factors with `*` between, each 1, a variable, its power, `spline(x, knot)`,
-    which is (x - knot)^2 above the knot and nothing below, or `sin(f)`, `cos(f)` of f Hz. ConfigError: none.
+    which is (x - knot)^2 above the knot and nothing below, or `sin(f)`, `cos(f)` of f Hz. A power that is not
+    whole keeps the sign of what is below zero. ConfigError: none.
 
     >>> term = term_of("alpha^2 * spline(beta, 0.1)", "law.lift")
     >>> float(term.value({"alpha": np.array(2.0), "beta": np.array(0.4)}, 0.0).round(6))
     0.36
     """
-    factors = [factor_of(part, text, where) for part in text.replace(" ", "").split("*")]
+    factors = [factor_of(part, text, where, variables) for part in text.replace(" ", "").split("*")]
 
     def value(of: Mapping[str, Array], time: float | Array) -> Array:
         return np.asarray(reduce(np.multiply, [factor(of, time) for factor in factors]))
@@ -68,7 +69,7 @@ def term_of(text: str, where: str) -> Term:
     return Term(text.replace(" ", ""), value)
 
 
-def factor_of(part: str, text: str, where: str) -> Value:
+def factor_of(part: str, text: str, where: str, variables: Sequence[str]) -> Value:
     """The value of one factor of a term."""
     if part == "1":
         return lambda of, time: np.asarray(1.0)
@@ -76,11 +77,13 @@ def factor_of(part: str, text: str, where: str) -> Value:
         turn, w = (np.sin if swing[1] == "sin" else np.cos), 2 * np.pi * float(swing[2])
         return lambda of, time: np.asarray(turn(w * np.asarray(time)))
     spline, power = SPLINE.fullmatch(part), POWER.fullmatch(part)
-    if spline is not None and spline[1] in VARIABLES:
+    if spline is not None and spline[1] in variables:
         name, knot = spline[1], float(spline[2])
         return lambda of, time: np.maximum(of[name] - knot, 0.0) ** 2
-    if power is not None and power[1] in VARIABLES:
-        own, n = power[1], int(power[2] or 1)
-        return lambda of, time: of[own] ** n
-    what = f"holds {part!r} in {text!r}, expected factors of {', '.join(VARIABLES)}, spline, sin, cos"
+    if power is not None and power[1] in variables:
+        own, n = power[1], float(power[2] or 1)
+        if n.is_integer():
+            return lambda of, time: of[own] ** int(n)
+        return lambda of, time: np.sign(of[own]) * np.abs(of[own]) ** n
+    what = f"holds {part!r} in {text!r}, expected factors of {', '.join(variables)}, spline, sin, cos"
     raise ConfigError(what, where, "write it as alpha, alpha^2, alpha*q or spline(alpha, 0.2)")

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, norm, t
 
-from forceid.aero.fitting import START, Fit
+from forceid.laws.fitting import START, Fit
 from forceid.records import Array
 from forceid.significance import DENIED
 
@@ -62,8 +62,10 @@ def spread_of(fit: Fit) -> Spread:
         scores = np.stack([look.score for look in looks])
         own = np.stack([look.information for look in looks])
         level = float(np.trace(cov) / np.trace(fit.cov))
-        square = sum(float(s @ np.linalg.solve(J, s)) for s, J in zip(scores, own, strict=True))
-        freedoms = (G - 1) * len(fit.value)
+        square = sum(
+            float(s @ np.linalg.pinv(J, hermitian=True) @ s) for s, J in zip(scores, own, strict=True)
+        )
+        freedoms = int(sum(np.linalg.matrix_rank(J, hermitian=True) for J in own)) - len(fit.value)
         between = float(chi2.sf(square / max(1.0, level), freedoms))
         if between < DENIED:
             moved = [

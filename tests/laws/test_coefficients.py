@@ -10,18 +10,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from evidence.drawn.records.aircraft import frisbee, glider, thrown_ball
-from forceid.aero.choosing import choose
-from forceid.aero.courses import course_of
-from forceid.aero.fitted import fit_flights
-from forceid.aero.flying import fly
-from forceid.aero.law import LawSetting, law_of, law_setting
-from forceid.aero.spread import band_of, orthonormal_lines
-from forceid.aero.terms import term_of
 from forceid.cli.app import main
 from forceid.config import AeroSetting, load_settings
 from forceid.errors import ConfigError, DataError
 from forceid.estimation.run import estimate_recording
 from forceid.files import read_result, write_motion
+from forceid.laws.choosing import choose
+from forceid.laws.courses import course_of
+from forceid.laws.flights import fit_flights
+from forceid.laws.flying import fly
+from forceid.laws.law import LawSetting, law_of, law_setting
+from forceid.laws.spread import band_of, orthonormal_lines
+from forceid.laws.terms import term_of
 
 BALL = {"drag": ["1", "spin"], "lift": ["1", "spin"], "side": ["1"]}
 
