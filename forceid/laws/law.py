@@ -173,6 +173,9 @@ def ground_below(setting: LawSetting, where: str) -> Ground:
     if setting.ground is None:
         what = "key 'ground' is missing, which contact, friction and rolling go by"
         raise ConfigError(what, where, "add [ground] with radius or points, m, and height")
+    if setting.ground.glued and not setting.law.get("contact"):
+        what = "key 'law.contact' is missing, which a ground that is glued goes by"
+        raise ConfigError(what, where, 'add contact = ["depth", "depth_rate"], or leave out glued')
     if "rolling" in setting.law and setting.ground.radius is None:
         raise ConfigError("key 'ground.radius' is missing, which rolling goes by", where, "add it, m")
     return ground_of(setting.ground, setting.law)

@@ -86,4 +86,5 @@ def factor_of(part: str, text: str, where: str, variables: Sequence[str]) -> Val
             return lambda of, time: of[own] ** int(n)
         return lambda of, time: np.sign(of[own]) * np.abs(of[own]) ** n
     what = f"holds {part!r} in {text!r}, expected factors of {', '.join(variables)}, spline, sin, cos"
-    raise ConfigError(what, where, "write it as alpha, alpha^2, alpha*q or spline(alpha, 0.2)")
+    a, b, *_ = variables
+    raise ConfigError(what, where, f"write it as {a}, {a}^2, {a}*{b} or spline({a}, 0.2)")

@@ -1,14 +1,20 @@
 """Laws of the ground: stiffness, damping, friction and resistance to rolling come back from motions."""
 
+import json
+import tomllib
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
+import tomli_w
 
 from evidence.drawn.records.contacts import Ball, G, drawn_ball, drawn_block
+from forceid.cli.app import main
 from forceid.config import load_settings
 from forceid.errors import ConfigError, DataError
 from forceid.estimation.run import estimate_recording
+from forceid.files import write_motion
 from forceid.laws.bounces import by_bounces, near
 from forceid.laws.courses import course_of
 from forceid.laws.flights import fit_flights
@@ -50,6 +56,24 @@ def test_terms_of_a_contact_that_are_not_there_are_left_out(block):
     drawn, estimate = block
     law = found(estimate, drawn, {"contact": ["depth", "depth_rate", "depth^2"]})
     assert set(law.name) == set(drawn.true)
+
+
+def test_a_law_of_the_ground_goes_through_the_command_line_into_toml_and_hdf5(block, tmp_path, monkeypatch):
+    drawn, _ = block
+    monkeypatch.chdir(tmp_path)
+    write_motion(tmp_path / "block.h5", drawn.recording)
+    (tmp_path / "law.toml").write_text(
+        tomli_w.dumps({"law": SPRING, "ground": drawn.ground, "keep": ["contact"]})
+    )
+    assert main(["-q", "estimate", "block.h5"]) == 0
+    for model in ("model.toml", "model.h5"):
+        assert main(["-q", "coefficients", "block.result.h5", "-c", "law.toml", "-o", model]) == 0
+    table = tomllib.loads((tmp_path / "model.toml").read_text())
+    with h5py.File(tmp_path / "model.h5") as groups:
+        values = groups["coefficients/value"][:]
+        assert json.loads(groups["coefficients"].attrs["ground"])["glued"]
+    assert np.allclose(values, [one["value"] for one in table["coefficient"]], rtol=1e-12)
+    assert values[0] == pytest.approx(drawn.true["contact.depth"], rel=0.01)
 
 
 @pytest.mark.long
@@ -126,6 +150,7 @@ def test_a_matrix_multiplies_as_a_vector_does():
     ({"law": SPRING, "ground": {}}, ConfigError, "points, or the radius"),
     ({"law": SPRING, "ground": {"radius": 0.1, "normal": [0, 0, 0]}}, ConfigError, "normal is zero"),
     ({"law": {"rolling": ["1"]}, "ground": {"points": [[0, 0, 0]]}}, ConfigError, "ground.radius' is"),
+    ({"law": {"friction": ["1"]}, "ground": {"radius": 0.1, "glued": True}}, ConfigError, "glued"),
     ({"law": {"contact": ["alpha"]}, "ground": {"radius": 0.1}}, ConfigError, "expected factors of depth"),
     ({"law": SPRING, "ground": {"radius": 0.1, "height": -9.0}}, DataError, "never comes to the ground"),
 ])  # fmt: skip

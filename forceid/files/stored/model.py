@@ -26,6 +26,6 @@ def write_model(path: Path, record: Mapping[str, Any]) -> None:
     fields["covariance"] = Field(
         ("coefficient", "coefficient_2"), np.array(list(record["covariance"].values()), float)
     )
-    rest = {key: json.dumps(record[key]) for key in ("aero", "fit", "left_out", "flight")}
-    root = root_attrs("coefficients of the air", "forceid coefficients", forceid_version=__version__)
+    rest = {key: json.dumps(record[key]) for key in record if key not in ("coefficient", "covariance")}
+    root = root_attrs("coefficients of a law", "forceid coefficients", forceid_version=__version__)
     write_groups(path, {"/": Group({}, root), "coefficients": Group(fields, rest)})
