@@ -21,6 +21,7 @@ from pydantic import Field, model_validator
 from forceid.aero import cross, dot
 from forceid.config import Section, Vector
 from forceid.laws.state import State
+from forceid.principal import cross_matrix
 from forceid.records import Array
 
 COMPONENTS = ("contact", "friction", "rolling")
@@ -132,7 +133,7 @@ class Ground:
         """Friction (..., point, 3), `most` at most, of places that slip (..., point, 3) m/s and would gain as
         much in a step without any: what ends both, or all there is, against the larger of them.
         """
-        n, lever = self.normal, skew(arm)
+        n, lever = self.normal, cross_matrix(arm)
         give = np.eye(3) / at.mass - lever @ at.inverse[..., None, :, :] @ lever
         flat = np.eye(3) - np.outer(n, n)
         give = arm.shape[-2] * at.step * (flat @ give @ flat) + np.outer(n, n)
@@ -152,11 +153,6 @@ class Ground:
 def along(a: Array, n: Array) -> Array:
     """The part of vectors (..., 3) along a plane of normal n."""
     return np.asarray(a - (a @ n)[..., None] * n)
-
-
-def skew(a: Array) -> Array:
-    """Matrices (..., 3, 3) that multiply as a x does."""
-    return np.asarray(cross(np.eye(3) + 0 * a[..., None, :], 0 * np.eye(3) + a[..., None, :]))
 
 
 def ground_of(setting: GroundSetting, law: Collection[str]) -> Ground:

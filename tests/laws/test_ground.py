@@ -19,7 +19,7 @@ from forceid.laws.bounces import by_bounces, near
 from forceid.laws.courses import course_of
 from forceid.laws.flights import fit_flights
 from forceid.laws.flying import fly
-from forceid.laws.ground import GroundSetting, ground_of, skew
+from forceid.laws.ground import GroundSetting, ground_of
 from forceid.laws.law import law_of, law_setting
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -137,12 +137,6 @@ def test_a_ball_slides_and_then_rolls_as_closed_forms_say():
     again = replace(ball, rolling=c).path(still, time)
     slows = c * G / (1 + J / (m * r**2))
     assert (again[-1, 3] - again[-201, 3]) / (200 * h) == pytest.approx(-slows, rel=1e-6)
-
-
-def test_a_matrix_multiplies_as_a_vector_does():
-    rng = np.random.default_rng(5)
-    a, b = rng.standard_normal((2, 4, 3))
-    assert np.allclose((skew(a) @ b[..., None])[..., 0], np.cross(a, b), atol=1e-15)
 
 
 @pytest.mark.parametrize(("table", "error", "said"), [
