@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, cast
@@ -29,7 +28,6 @@ TRIED = MOST_SUBSTEPS // 16  # steps from sample to sample near the ground while
 SPREAD = 8  # trials at once for each number
 SEED = 0  # of the trials: the same record begins alike
 LOST = 1e300  # square of a flight that leaves all bounds
-POWERS = re.compile(r"(depth_rate|depth)(?:\^(\d(?:\.\d+)?))?")
 
 
 def first_value(courses: Sequence[Course], law: Law) -> tuple[Array, Array]:
@@ -100,7 +98,7 @@ def held(courses: Sequence[Course], law: Law) -> Array:
     rise = law.terms.index(RISE)
     constant = replace(law, terms=tuple(term_of("1", "") if t is RISE else t for t in law.terms))
     value = first_value(courses, constant)[0]
-    stiff = [k for k, t in enumerate(law.terms) if t.text == "depth"]
+    stiff = [k for k, t in enumerate(law.terms) if t.powers == {"depth": 1.0}]
     value[rise] = value[rise] / value[stiff[0]] if stiff else 0.0
     return value
 
@@ -150,15 +148,15 @@ class Spring:
         w, zeta, rub, roll = np.exp(x[:, :4].T)
         law, value, sunk = self.law, np.zeros((len(x), len(self.law.terms))), np.zeros(len(x))
         for k, (component, term) in enumerate(zip(law.components, law.terms, strict=True)):
-            if component == "contact" and "depth" in term.text:
-                powers = {"depth": 0.0, "depth_rate": 0.0}
-                powers |= {name: float(p or 1) for name, p in POWERS.findall(term.text)}
-                depth = (self.speed / w) ** powers["depth"]
-                unit = self.mass * w * self.speed / (depth * self.speed ** powers["depth_rate"]) / self.share
-                value[:, k] = unit * (2 * zeta if powers["depth_rate"] else 1.0)
-                if not powers["depth_rate"]:
-                    sunk = np.maximum(sunk, (self.weight / self.share / value[:, k]) ** (1 / powers["depth"]))
-            elif term.text == "1":
+            depth, rate = term.powers.get("depth", 0.0), term.powers.get("depth_rate", 0.0)
+            if component == "contact" and depth + rate > 0:
+                unit = (
+                    self.mass * w * self.speed / ((self.speed / w) ** depth * self.speed**rate) / self.share
+                )
+                value[:, k] = unit * (2 * zeta if rate else 1.0)
+                if not rate:
+                    sunk = np.maximum(sunk, (self.weight / self.share / value[:, k]) ** (1 / depth))
+            elif not term.powers:
                 value[:, k] = {"friction": rub, "rolling": roll}.get(component, 0.0)
         if RISE in law.terms:
             value[:, law.terms.index(RISE)] = self.low + x[:, 4] * np.maximum(sunk, self.speed / w)

@@ -18,7 +18,7 @@ from forceid.laws.state import State
 from forceid.laws.terms import AIR, Term, Variables, term_of
 from forceid.records import Array
 
-RISE = Term("height", lambda of, time: np.asarray(0.0))  # m, of the ground: no force of its own
+RISE = Term("height", lambda of, time: np.asarray(0.0), {})  # m, of the ground: no force of its own
 
 
 class LawSetting(Section):

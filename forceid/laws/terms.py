@@ -46,10 +46,11 @@ Value = Callable[[Mapping[str, Array], float | Array], Array]
 
 @dataclass(frozen=True)
 class Term:
-    """A term by its text, and its value by the variables and the time."""
+    """A term by its text, its value by the variables and the time, and its powers of variables, by name."""
 
     text: str
     value: Value
+    powers: Mapping[str, float]
 
 
 def term_of(text: str, where: str, variables: Sequence[str] = AIR) -> Term:
@@ -66,7 +67,8 @@ def term_of(text: str, where: str, variables: Sequence[str] = AIR) -> Term:
     def value(of: Mapping[str, Array], time: float | Array) -> Array:
         return np.asarray(reduce(np.multiply, [factor(of, time) for factor in factors]))
 
-    return Term(text.replace(" ", ""), value)
+    powers = {name: float(n or 1) for name, n in POWER.findall(text) if name in variables}
+    return Term(text.replace(" ", ""), value, powers)
 
 
 def factor_of(part: str, text: str, where: str, variables: Sequence[str]) -> Value:
