@@ -90,7 +90,7 @@ def test_a_flight_under_its_own_law_is_that_of_another_integrator(draw, law):
     start = drawn.start
     turn = Rotation.from_matrix(start[2].as_matrix() @ c.start_rotation.T).as_rotvec()
     path = fly(
-        replace(c, time=time, substeps=16),
+        replace(c, time=time, substeps=np.full(len(time) - 1, 16), near=np.zeros(len(time) - 1, bool)),
         own,
         np.concatenate([*start[:2], turn, start[3]])[None],
         value[None],
