@@ -12,7 +12,7 @@ from scipy.optimize import Bounds, differential_evolution
 from forceid.aero import wind_at
 from forceid.errors import DataError
 from forceid.laws.bounces import by_bounces, heights, near, pressed_height, thinned
-from forceid.laws.fitting import MOST_SUBSTEPS, PROBE, START, linearized, residual, settled, start_steps
+from forceid.laws.fitting import MOST_SUBSTEPS, SLOPE_STEP, START, linearized, residual, settled, start_steps
 from forceid.laws.flying import Course, fly
 from forceid.laws.law import RISE, Law
 from forceid.laws.state import State
@@ -21,10 +21,10 @@ from forceid.records import Array
 from forceid.rounding import ITERATIONS, ROUNDED
 
 AIRBORNE = 8  # frames that tell a start better than the smoothed path does: of its twelve numbers, 48
-DAMPED = (0.01, 0.7)  # damping over critical that is tried: 0.97 to 0.05 of a speed come back
+BOUNCE_DAMPINGS = (0.01, 0.7)  # damping over critical that is tried: 0.97 to 0.05 of a speed come back
 RUBS = (0.03, 2.0)  # friction over load: of ice on ice, of rubber on rubber
 ROLLS = (1e-4, 0.2)  # resistance to rolling over load: of steel on steel, of a tire in sand
-TRIED = MOST_SUBSTEPS // 16  # steps from sample to sample near the ground while springs are tried
+TRIAL_SUBSTEPS = MOST_SUBSTEPS // 16  # steps from sample to sample near the ground while springs are tried
 SPREAD = 8  # trials at once for each number
 SEED = 0  # of the trials: the same record begins alike
 LOST = 1e300  # square of a flight that leaves all bounds
@@ -75,7 +75,7 @@ def begun(courses: Sequence[Course], law: Law) -> tuple[list[Course], Array, Arr
         begin = held(courses, law)
     else:
         begin = likeliest(pieces, law, Spring(courses, law, low))
-    step = PROBE * 1e-2 * np.maximum(np.abs(begin), ROUNDED)
+    step = SLOPE_STEP * 1e-2 * np.maximum(np.abs(begin), ROUNDED)
     parts = [linearized(p, law, p.start, begin, np.concatenate([start_steps(p), step])) for p in pieces]
     tells = np.sum([(p.slopes[..., START:] ** 2).sum((0, 1)) for p in parts], 0)
     return pieces, begin, np.where(tells > 0, 1 / np.sqrt(np.maximum(tells, 1e-300)), np.abs(begin))
@@ -110,7 +110,7 @@ def likeliest(pieces: Sequence[Course], law: Law, spring: Spring) -> Array:
     """
     assert law.ground is not None
     thin = [thinned(p, law.ground) for p in pieces]
-    fine = [replace(p, substeps=np.where(p.near, TRIED, 1)) for p in thin]
+    fine = [replace(p, substeps=np.where(p.near, TRIAL_SUBSTEPS, 1)) for p in thin]
 
     def square(x: Array, /) -> Array:
         tries = spring.values(x.T)
@@ -139,8 +139,8 @@ class Spring:
         self.speed = max(float(np.abs(c.path[1] @ n).max()) for c in courses)
         longest = max(float(c.time[-1]) for c in courses)
         shortest = min(float(np.diff(c.time).min()) for c in courses)
-        rates = np.log([2 * np.pi / longest, TRIED / shortest])
-        ends = np.array([rates, np.log(DAMPED), np.log(RUBS), np.log(ROLLS), (0.0, 2.0)])
+        rates = np.log([2 * np.pi / longest, TRIAL_SUBSTEPS / shortest])
+        ends = np.array([rates, np.log(BOUNCE_DAMPINGS), np.log(RUBS), np.log(ROLLS), (0.0, 2.0)])
         self.bounds = Bounds(ends[:, 0], ends[:, 1])
 
     def values(self, x: Array) -> Array:

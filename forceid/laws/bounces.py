@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from forceid.laws.courses import FEWEST
+from forceid.laws.courses import FEWEST_POSES
 from forceid.laws.flying import Course
 from forceid.laws.ground import Ground
 from forceid.records import Array, Flags
@@ -18,7 +18,7 @@ from forceid.significance import SIGMAS
 
 REACH = 3.0  # times what a body sinks in an interval: from there it may touch, a frame early or late
 THIN = 8  # samples between bounces that tell trials no more than one of them does
-APART = 2  # frames in the air on both sides of a cut, so that each piece sees its start
+AIR_BESIDE = 2  # frames in the air on both sides of a cut, so that each piece sees its start
 
 
 def heights(course: Course, below: Ground) -> Array:
@@ -54,8 +54,8 @@ def by_bounces(course: Course) -> list[Course]:
     cuts, last = [0], len(course.time)
     for a, b in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True):
         middle = int(a + b) // 2
-        inside = a > 0 and b < len(touching) and b - a >= 2 * APART
-        if inside and min(middle - cuts[-1], last - middle) >= FEWEST:
+        inside = a > 0 and b < len(touching) and b - a >= 2 * AIR_BESIDE
+        if inside and min(middle - cuts[-1], last - middle) >= FEWEST_POSES:
             cuts.append(middle)
     if len(cuts) == 1:
         return [course]

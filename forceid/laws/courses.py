@@ -10,7 +10,7 @@ from forceid.errors import DataError
 from forceid.laws.flying import Course
 from forceid.records import Array, Estimate, Flags
 
-FEWEST = 20  # frames with a pose: twice as many numbers as a start takes, and more
+FEWEST_POSES = 20  # frames with a pose: twice as many numbers as a start takes, and more
 
 
 def course_of(estimate: Estimate, name: str) -> Course:
@@ -19,8 +19,8 @@ def course_of(estimate: Estimate, name: str) -> Course:
     Errors of frames are those that the estimate counted; the deformation is that of the estimate.
     """
     flown = estimate.flown
-    if flown is None or np.isfinite(flown.center).all(1).sum() < FEWEST:
-        what = f"holds poses of fewer than {FEWEST} frames, which a law of the air is fitted to"
+    if flown is None or np.isfinite(flown.center).all(1).sum() < FEWEST_POSES:
+        what = f"holds poses of fewer than {FEWEST_POSES} frames, which a law of the air is fitted to"
         raise DataError(what, f"{name}:/flown", "estimate again from markers or poses")
     whole: Flags = np.asarray(np.isfinite(flown.center).all(1))
     known: Flags = np.asarray(np.isfinite(estimate.velocity).all(1))

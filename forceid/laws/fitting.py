@@ -32,13 +32,14 @@ from forceid.rounding import ITERATIONS
 from forceid.significance import TENTH
 
 START = 12  # numbers that a flight begins with
-PROBE = (
-    0.3  # standard deviations that a difference of flights steps: far above rounding, well within a parabola
-)
+SLOPE_STEP = 0.3  # standard deviations that slopes by differences step: above rounding, within a parabola
 MOST_SUBSTEPS = 64  # between two samples: more are asked for by flights that leave all bounds alone
-DAMPING = 0.0  # of the diagonal, to begin with: the smoothed wrench gives a good beginning
-EASED, DAMPED = 4.0, 8.0  # by which a good step eases the damping, and a bad one adds to it
-FREE = 1e-4  # damping below which there is none
+FIRST_DAMPING = 0.0  # of the diagonal, to begin with: the smoothed wrench gives a good beginning
+DAMPING_DOWN, DAMPING_UP = (
+    4.0,
+    8.0,
+)  # factors by which a good step eases the damping, and a bad one adds to it
+LEAST_DAMPING = 1e-4  # damping below which there is none
 HOPELESS = 1e9  # times the diagonal: damping at which nothing moves any more
 SETTLES = 1e-3  # of chi-square for each coefficient: moves it by a thirtieth of its deviation at most
 
@@ -126,12 +127,12 @@ def linearized(course: Course, law: Law, start: Array, value: Array, step: Array
 
 
 def start_steps(course: Course) -> Array:
-    """Steps (12,) of a start that move the poses by PROBE of their deviation."""
+    """Steps (12,) of a start that move the poses by SLOPE_STEP of their deviation."""
     seen = np.isfinite(course.root).all((1, 2))
     scale = np.diagonal(course.root[seen], axis1=1, axis2=2).mean(0)
     std = np.where(scale > 0, 1 / np.where(scale > 0, scale, 1.0), 1.0)
     span = max(float(course.time[-1]), 1e-9)
-    return PROBE * np.concatenate([std[:3], std[:3] / span, std[3:], std[3:] / span])
+    return SLOPE_STEP * np.concatenate([std[:3], std[:3] / span, std[3:], std[3:] / span])
 
 
 def solved(parts: Sequence[Linear], damping: float) -> tuple[list[Array], Array, Array]:
@@ -166,7 +167,7 @@ def fit(courses: Sequence[Course], law: Law, start: Array, value: Array, spread:
 
     spread (term,): of the coefficients, about. EstimationError: it does not settle.
     """
-    start, value, parts, cov = settled(courses, law, start, value, PROBE * spread)
+    start, value, parts, cov = settled(courses, law, start, value, SLOPE_STEP * spread)
     rest, slopes = (tuple(getattr(p, n) for p in parts) for n in ("residual", "slopes"))
     square = float(sum((r**2).sum() for r in rest))
     return Fit(law, value, start, cov, rest, slopes, square, sum(count_of(c) for c in courses))
@@ -182,7 +183,7 @@ def settled(
         each = zip(courses, start, own, strict=True)
         return [linearized(c, law, s, value, np.concatenate([o, step])) for c, s, o in each]
 
-    damping, parts = DAMPING, about(start, value)
+    damping, parts = FIRST_DAMPING, about(start, value)
     best = squares(parts)
     if not np.isfinite(best):
         what = "does not fly: it leaves all bounds under the law"
@@ -192,14 +193,17 @@ def settled(
     for _ in range(ITERATIONS):
         moves, move, _ = solved(parts, damping)
         trial = start + np.stack(moves), value + move
-        expected = foreseen(parts, moves, move)
+        expected = foreseen(parts, *solved(parts, 0.0)[:2])
         found = about(*trial)
         gain = best - squares(found)
         if gain > 0:
             (start, value), parts, best = trial, found, best - gain
         if min(abs(gain), expected) < SETTLES * max(1, len(value)):
             return start, value, parts, solved(parts, 0.0)[2]
-        damping = (damping / EASED if damping > FREE else 0.0) if gain > 0 else max(damping, FREE) * DAMPED
+        if gain > 0:
+            damping = damping / DAMPING_DOWN if damping > LEAST_DAMPING else 0.0
+        else:
+            damping = max(damping, LEAST_DAMPING) * DAMPING_UP
         if damping > HOPELESS:
             break
     what = "does not settle under the law"

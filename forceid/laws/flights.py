@@ -14,7 +14,7 @@ from forceid.laws.beginning import begun
 from forceid.laws.choosing import choose, price
 from forceid.laws.courses import course_of
 from forceid.laws.fitted import FittedLaw, replay
-from forceid.laws.fitting import PROBE, Fit, fit, linearized, paced, solved, start_steps
+from forceid.laws.fitting import SLOPE_STEP, Fit, fit, linearized, paced, solved, start_steps
 from forceid.laws.flying import Course
 from forceid.laws.law import RISE, Law, LawSetting, law_of
 from forceid.laws.spread import spread_of
@@ -85,7 +85,7 @@ def about(
     """Best coefficients of all terms (term,) and their covariance, by the slopes about a law of some."""
     value = np.zeros(len(law.terms))
     value[list(which)] = found.value
-    step = PROBE * std
+    step = SLOPE_STEP * std
     each = zip(courses, found.start, strict=True)
     parts = [linearized(c, law, s, value, np.concatenate([start_steps(c), step])) for c, s in each]
     _, move, cov = solved(parts, 0.0)

@@ -10,7 +10,7 @@ from pathlib import Path
 import forceid
 
 HOMES = ("rounding", "significance")  # of numbers that all rooms share
-ROOMS = ("motion", "kalman", "flight", "estimation")
+ROOMS = ("motion", "kalman", "flight", "laws", "estimation")
 
 
 @dataclass(frozen=True)
