@@ -324,7 +324,7 @@ def read_of(flight: Flight, force: LoadPrior, moment: LoadPrior, reference: Refe
 
 def linear_flight(
     flight: Flight,
-    force: LoadPrior,
+    force: LoadPrior | None,
     moment: LoadPrior,
     reference: Reference,
     halves: tuple[StateSpace, StateSpace] | None = None,
@@ -334,10 +334,12 @@ def linear_flight(
     """The whole flight as a linear model about a reference, and what it measures (time, channel).
 
     Channels: mass center, rotation error, what frames tell of the modes beside, and the sensors with what is
-    constant about the reference removed. halves: of the mass center, and of the rotation about the reference,
+    constant about the reference removed. force: None for the rotation by itself. halves: of the mass center, and of the rotation about the reference,
     read: what the sensors read about it, where these are known; over: one that such a call has returned of
     sensors, which is written over: what a search tries and drops takes no memory of its own.
     """
+    if force is None:
+        return flight.colored(rotation_model(flight, moment, reference), ROTATION), error_angle(flight, reference)
     flight = flexed(flight, reference)
     if halves is None:
         halves = translation(flight, force, reference.rotation), rotation_model(flight, moment, reference)

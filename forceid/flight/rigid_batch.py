@@ -102,7 +102,7 @@ def smooth_turning(model: TurningModel, z: Array, guess: Array, mode: Mode = Mod
     if compiled is None or head > 64 or 2 * head > T:
         return None
     try:
-        start, C = linear.filter_with_factors(numpy_passes, model.first(head), z[:head])
+        start = linear.filter(numpy_passes, model.first(head), z[:head])
     except EstimationError:
         return None
     for warm in (*(w for w in WARM if T - head >= 4 * w and not model.remembers), 0):
@@ -122,7 +122,7 @@ def smooth_turning(model: TurningModel, z: Array, guess: Array, mode: Mode = Mod
     if mode == Mode.FILTERED:
         x[:head], P = start.x, f_P
     else:
-        x[:head], P = smoothed_start(start, C, r, later if mode == Mode.SMOOTHED else None)
+        x[:head], P = smoothed_start(start, r, later if mode == Mode.SMOOTHED else None)
     if mode != Mode.STATES:
         out, before = (model.read @ a @ model.read.T for a in (P, f_P[-1]))
         if (np.diagonal(out[-1]) < SINGLE * np.diagonal(before)).any():
@@ -132,14 +132,14 @@ def smooth_turning(model: TurningModel, z: Array, guess: Array, mode: Mode = Mod
     return Path(x, wrench_cov, pose_cov, white, log_likelihood + float(start.log_likelihood))
 
 
-def smoothed_start(start: Filtered, C: Array | None, r: Array, later: Array | None) -> tuple[Array, Array]:
+def smoothed_start(start: Filtered, r: Array, later: Array | None) -> tuple[Array, Array]:
     """States and covariances of the first samples, given the adjoint of all later ones at the last of them.
 
     Step by step back with factors, of which neither a start as good as unknown nor a difference takes digits.
     """
     x, P = start.x.copy(), start.P
     roots = square_root(P)
-    if C is not None:
+    if (C := start.factors) is not None:
         roots = np.where(np.isfinite(C[:, :1, :1]), C, roots)
     model, u = start.model, start.model.u
     assert u is not None

@@ -65,11 +65,15 @@ def classify_steps(time: Array) -> tuple[Array, Indices]:
 
 
 def step_classes(
-    time: Array, which: Indices, free: StateSpace, force: LoadPrior, moment: LoadPrior
+    time: Array, which: Indices, free: StateSpace | None, force: LoadPrior | None, moment: LoadPrior
 ) -> StepClasses:
-    """The kinds of steps between the times `time`, of each of which `free` is the translation."""
+    """The kinds of steps between the times `time`, of each of which `free` is the translation, if any."""
     F, Q, P0 = moment.chain(np.diff(time))
     P0[:3, :3] = UNKNOWN_TURN**2 * np.eye(3)
+    if free is None:
+        none = np.zeros((len(F), 0, 0))
+        u = np.zeros((len(F), 0))
+        free = StateSpace(none, none, np.zeros((3, 0)), np.eye(3), np.zeros(0), none[0], u)
     n, m = len(free.x0), len(P0)
     pushed = np.zeros((2, len(F), n + m, 3))
     pushed[:, :, n:] = np.stack(load_over_step(F, np.diff(time), moment.axes)).swapaxes(2, 3)
@@ -80,13 +84,14 @@ def step_classes(
     moved = P0.any(1) | Q.any((0, 2)) | (F * (1 - np.eye(n + m))).any((0, 2))
     s = np.flatnonzero(moved)
     read = np.zeros((12, n + m))
-    read[:3, :n], read[3:6, n:] = force.rows, moment.rows
-    read[6:9, :3], read[9:, n : n + 3] = force.axes, np.eye(3)
+    read[3:6, n:], read[9:, n : n + 3] = moment.rows, np.eye(3)
     assert free.u is not None
     u = np.concatenate([free.u, np.zeros((len(F), m))], 1)[:, s]
     x0, H = np.concatenate([free.x0, np.zeros(m)])[s], block_diag(free.H, np.eye(3, m))[:, s]
     loads = np.zeros((15, n + m))
-    loads[:6, :n] = np.concatenate([a.T for a in force.read(np.eye(n))[:2]])
+    if force is not None:
+        read[:3, :n], read[6:9, :3] = force.rows, force.axes
+        loads[:6, :n] = np.concatenate([a.T for a in force.read(np.eye(n))[:2]])
     loads[6:, n:] = np.concatenate([a.T for a in moment.read(np.eye(m))])
     # contiguous: a product this thin is slow in any other order
     columns = np.ascontiguousarray(loads[:, s].reshape(5, 3, len(s)).swapaxes(1, 2))
@@ -142,7 +147,7 @@ def by_frames(flight: Flight, moment: LoadPrior) -> tuple[Array, Array] | None:
 
 
 def settled_in_batches(
-    flight: Flight, classes: StepClasses, force: LoadPrior, moment: LoadPrior,
+    flight: Flight, classes: StepClasses, force: LoadPrior | None, moment: LoadPrior,
     trajectory_of: Callable[[Array, Array, Array, Array], ReferenceTrajectory], causal: bool,
 ) -> tuple[Path, Array, Array] | None:  # fmt: skip
     """The flight about a reference where it comes to rest: path, and rotations and moment chain of that.
@@ -155,8 +160,10 @@ def settled_in_batches(
         return None
     R, last, least, since = first[0], np.inf, np.inf, 0
     guess = np.zeros((len(R), len(classes.x0)))  # where a lane may begin; from theta on the reference
-    guess[:, :3], guess[:, t + 3 : t + 6] = center @ force.axes, first[1]
-    guess[1:-1, MOMENTUM] = flight.mass * (guess[2:, :3] - guess[:-2, :3]) / (time[2:] - time[:-2])[:, None]
+    guess[:, t + 3 : t + 6] = first[1]
+    if force is not None:
+        guess[:, :3], apart = center @ force.axes, (time[2:] - time[:-2])[:, None]
+        guess[1:-1, MOMENTUM] = flight.mass * (guess[2:, :3] - guess[:-2, :3]) / apart
     moment_block = classes.F[:, t:, t:], classes.Q[:, t:, t:]
     for alone in (True, *[False] * ITERATIONS):
         chain = guess[:, t:].copy()
@@ -165,14 +172,14 @@ def settled_in_batches(
             *parts, *moment_block, classes.which, moment.axes, chain
         )
         theta = between(flight.rotation, R)
-        if alone:
-            path = smooth_turning(rotation_alone(classes, rows, flight.pose_cov), theta, chain, Mode.STATES)
+        if alone or force is None:
+            model, z, near = rotation_alone(classes, rows, flight.pose_cov), theta, chain
         else:
-            k, z = classes, np.concatenate([center, theta], 1)
+            k, z, near = classes, np.concatenate([center, theta], 1), guess
             model = TurningModel(
                 k.F, k.Q, k.u, k.which, *rows, t, k.H, flight.pose_cov, k.x0, k.P0, k.read
             )  # the whole flight about the reference
-            path = smooth_turning(model, z, guess, Mode.SMOOTHED)
+        path = smooth_turning(model, z, near, Mode.STATES if alone else Mode.SMOOTHED)
         if path is None:
             return None
         x = path.x if alone else path.x[:, t:]
@@ -183,7 +190,7 @@ def settled_in_batches(
             moves = (x[:, :3], (x - chain) @ classes.loads[3, t:])
             size = np.sqrt(max(float((d**2 / v).max()) for d, v in zip(moves, var, strict=True)))
             if size * min(ratio, 1.0) < THOUSANDTH and (ratio < 0.5 or size < THOUSANDTH**2):
-                if causal and (path := smooth_turning(model, z, guess, Mode.FILTERED)) is None:
+                if causal and (path := smooth_turning(model, z, near, Mode.FILTERED)) is None:
                     return None
                 whole = np.zeros((len(R), classes.size))
                 whole[:, classes.chain] = chain

@@ -30,7 +30,7 @@ from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
 from forceid.flight.rigid_path import classify_steps, settled_in_batches, step_classes
 from forceid.flight.vibration import ModeState
 from forceid.kalman.engines import Engine
-from forceid.kalman.model import Filtered, Smoothed, StateSpace, mean_square
+from forceid.kalman.model import Filtered, mean_square
 from forceid.motion import apply, exp, free_turn, momentum_between
 from forceid.principal import cross_matrix as skew
 from forceid.records import Array
@@ -52,7 +52,8 @@ class FlightState:
     where not in doubt; modes (time, state): chains of the modes of the body and weights of what follows them,
     modal_cov (time, 6 + 3 mode, 3 mode): of the wrench, and of amplitude, rate and load of each, with these;
     gauge_innovation (time, gauge) whitened, of the strain gauges used; given (time, 6): what force and moment
-    have given so far, where one has edges between samples, which its samples do not tell.
+    have given so far, where one has edges between samples, which its samples do not tell. path: what the filter
+    knows, and states given all samples, where covariances, which take most of the work, are NaN as yet.
     """
 
     center: Array
@@ -77,28 +78,56 @@ class FlightState:
     modal_cov: Array | None = None
     gauge_innovation: Array = field(default_factory=lambda: np.zeros((0, 0)))
     given: Array | None = None
+    path: tuple[Filtered, Array] | None = None
+
+    @property
+    def claimed(self) -> bool:
+        """Whether covariances are known."""
+        return self.path is None
 
 
 def smooth_flight(
     flight: Flight,
-    force: LoadPrior,
+    force: LoadPrior | None,
     moment: LoadPrior,
     engine: Engine,
     causal: bool = False,
     first: Reference | None = None,
+    claimed: bool = True,
 ) -> FlightState:
     """Force, moment and mean motion of a flight, smoothed; or, if causal, filtered about the smoothed path.
 
-    first: a reference near to it, if one is known. Raises EstimationError when it does not come to rest.
+    force: None for the rotation by itself, where nothing links its errors to those of the center, which stays
+    NaN. first: a reference near to it, if one is known; claimed: whether covariances are asked for. Raises
+    EstimationError when it does not come to rest.
     """
-    if engine.name == "compiled":
+    if engine.name == "compiled" and (flight.modes is None or first is None):
         stiff = smooth_long(replace(flight, modes=None), force, moment, causal)
         if stiff is not None and flight.modes is None:
             return stiff
         first = first if stiff is None else stiff.reference  # near to where a flight that bends settles
-    model, z, about, _ = settled(flight, force, moment, engine, first)
-    path = engine.smooth(model, z)
-    return read_state(flight, about, path.filtered if causal else path, path.filtered, force, moment)
+    f, x, about, _ = settled(flight, force, moment, engine, first)
+    x, P = known_of(f, x, engine, causal, claimed)
+    return read_state(flight, about, x, P, f, force, moment)
+
+
+def with_claims(
+    flight: Flight, state: FlightState, force: LoadPrior | None, moment: LoadPrior, engine: Engine
+) -> FlightState:
+    """A smoothed flight with the covariances that were not asked for."""
+    if state.path is None or state.reference is None:
+        return state
+    f, x = state.path
+    return read_state(flight, state.reference, x, engine.with_covariances(f, x).P, f, force, moment)
+
+
+def known_of(
+    f: Filtered, x: Array, engine: Engine, causal: bool, claimed: bool
+) -> tuple[Array, Array | None]:
+    """States given all samples, or if causal those so far, and their covariances where these are claimed."""
+    if causal:
+        return f.x, f.P
+    return x, engine.with_covariances(f, x).P if claimed else None
 
 
 def smoothed_once_more(
@@ -108,24 +137,23 @@ def smoothed_once_more(
     model, z = linear_flight(flight, force, moment, about)
     further = led(flight, force, moment, about, engine.smooth_states(model, z), 1.0)
     path = engine.smooth(*linear_flight(flight, force, moment, further))
-    return read_state(flight, further, path, path.filtered, force, moment)
+    return read_state(flight, further, path.x, path.P, path.filtered, force, moment)
 
 
-def smooth_long(flight: Flight, force: LoadPrior, moment: LoadPrior, causal: bool) -> FlightState | None:
+def smooth_long(
+    flight: Flight, force: LoadPrior | None, moment: LoadPrior, causal: bool
+) -> FlightState | None:
     """`smooth_flight` of a body without modes, compiled throughout; None where only an engine's passes do."""
+    loads = [moment] if force is None else [force, moment]
     if (
         flight.sensors is not None
         or flight.color is not None
-        or flight.shared is not None
-        or force.body_axes is not None
-        or moment.body_axes is not None
-        or force.tuned.pieces is not None
-        or moment.tuned.pieces is not None
+        or (flight.shared is not None and force is not None)
+        or any(load.body_axes is not None or load.tuned.pieces is not None for load in loads)
     ):
         return None
     clock, which = classify_steps(flight.time)
-    free = translation(replace(flight, time=clock), force)
-
+    free = None if force is None else translation(replace(flight, time=clock), force)
     classes = step_classes(clock, which, free, force, moment)
     try:
         found = settled_in_batches(flight, classes, force, moment, partial(trajectory_of, flight), causal)
@@ -139,21 +167,29 @@ def smooth_long(flight: Flight, force: LoadPrior, moment: LoadPrior, causal: boo
     H = flight.whole(H)
     body = apply(rot.swapaxes(1, 2), H) - flight.h
     omega = apply(rot, np.asarray(np.linalg.solve(flight.inertia, body[..., None])[..., 0], float))
-    reference = Reference(R, chain, moment)
+    reference, none = Reference(R, chain, moment), np.full((len(x), 3), np.nan)
+    center, velocity, F = (none,) * 3 if force is None else (x[:, :3] @ force.axes.T, P / flight.mass, F)
     return FlightState(
-        x[:, :3] @ force.axes.T, P / flight.mass, rot, H, omega, F, T, path.wrench_cov, path.pose_cov,
-        path.innovation, mean_square(path.innovation), path.log_likelihood, reference,
+        center, velocity, rot, H, omega, F, T, path.wrench_cov, path.pose_cov, of_pose(path.innovation),
+        mean_square(path.innovation), path.log_likelihood, reference,
     )  # fmt: skip
+
+
+def of_pose(innovation: Array) -> Array:
+    """Innovations (time, channel) of which six are those of the pose, of a rotation by itself as well."""
+    alone = innovation.shape[1] == 3
+    return np.pad(innovation, ((0, 0), (3, 0)), constant_values=np.nan) if alone else innovation
 
 
 def settled(
     flight: Flight,
-    force: LoadPrior,
+    force: LoadPrior | None,
     moment: LoadPrior,
     engine: Engine,
     first: Reference | None = None,
-) -> tuple[StateSpace, Array, Reference, Reference]:
-    """The flight linearized where it comes to rest, what it measures, that reference, and where it leads.
+) -> tuple[Filtered, Array, Reference, Reference]:
+    """The flight linearized where it comes to rest, filtered, its states given all samples, that reference, and
+    where it leads.
 
     first: a reference near to it, if one is known. Raises EstimationError when it does not come to rest.
     Where sensors alone tell the rotation a step that leaves more to correct than there was is halved (the
@@ -161,20 +197,19 @@ def settled(
     gets is taken: what is left of the way stands in the smoothed states.
     """
     reference = first_reference(flight, moment) if first is None else first
-    n = force.states
+    n = states_of(force)
     seen = np.isfinite(flight.rotation).all((1, 2))
     attitude_seen = attitude_is_observed(flight)
     rest = float(np.sqrt(np.median(np.trace(flight.pose_cov[seen, 3:, 3:], axis1=1, axis2=2))))
     swamped = TENTH * rest  # by less the errors of what is measured are no larger
     rest *= SINGLE if attitude_seen else TENTH
     lead = partial(led, flight, force, moment)
-    found: tuple[StateSpace, Array, Reference, Array] | None = None
+    found: tuple[Filtered, Array, Reference] | None = None
     size, share, steps = np.inf, 1.0, 0
     least, since, nearest = np.inf, 0, (found, reference)
     for _ in range(ITERATIONS):
         try:
-            model, z = linear_flight(flight, force, moment, reference)
-            x = engine.smooth_states(model, z)
+            f, x = engine.filter_and_smooth_states(*linear_flight(flight, force, moment, reference))
             far = float(np.abs(x[:, n : n + 3]).max())
         except EstimationError:
             if found is None:
@@ -185,13 +220,14 @@ def settled(
             share *= 0.5
             if share < SHORTEST:
                 break
-            reference = lead(*found[2:], share)
+            reference = lead(found[2], found[1], share)
             continue
         last, size, share = size, far, min(1.0, 2 * share)
-        found, reference = (model, z, reference, x), lead(reference, x, share)
+        found, reference = (f, x, reference), lead(reference, x, share)
         steps += 1
         if steps == LOOK_AFTER and not attitude_seen:  # far is then what the sensors cannot tell
-            var = np.diagonal(engine.smooth(model, z).P, axis1=1, axis2=2)[:, n : n + 3]
+            P = engine.with_covariances(f, x).P
+            var = np.diagonal(P, axis1=1, axis2=2)[:, n : n + 3]
             rest = max(rest, TENTH * float(np.sqrt(var.max())))
         # at rest, or where the step to come, shorter by as much again, would be; or moved by rounding alone
         to_come = size * min(size / last, 1.0) if attitude_seen and np.isfinite(last) else size
@@ -205,7 +241,7 @@ def settled(
     if size > max(SETTLED, swamped) and attitude_seen:
         what = f"does not settle: its last step turned the path by {size:.1e} rad"
         raise EstimationError(what, *unsettled(flight))
-    return *found[:3], reference
+    return *found, reference
 
 
 def attitude_is_observed(flight: Flight) -> bool:
@@ -213,22 +249,30 @@ def attitude_is_observed(flight: Flight) -> bool:
     return bool(np.isfinite(flight.rotation).all((1, 2)).sum() > 1)
 
 
+def states_of(force: LoadPrior | None) -> int:
+    """Of the chain of a force, none where a rotation goes by itself."""
+    return 0 if force is None else force.states
+
+
 def led(
-    flight: Flight, force: LoadPrior, moment: LoadPrior, reference: Reference, x: Array, share: float
+    flight: Flight, force: LoadPrior | None, moment: LoadPrior, reference: Reference, x: Array, share: float
 ) -> Reference:
     """Where the states x (time, state) about a reference lead, after that share of the way.
 
     Where sensors alone tell the rotation, the chains are turned along with the body: what these read depends
     on the vectors in body axes alone, so it stays linear in the step, however far that turns the path.
     """
-    n, m = force.states, moment.states
+    n, m, pushed = states_of(force), moment.states, reference.force
     theta = share * x[:, n : n + 3]
-    chain, pushed = x[:, n : n + m], x[:, :n]
-    was = np.zeros_like(pushed) if reference.force is None else reference.force
-    chain, pushed = reference.chain + share * (chain - reference.chain), was + share * (pushed - was)
-    if not attitude_is_observed(flight):
+    chain = reference.chain + share * (x[:, n : n + m] - reference.chain)
+    aside = not attitude_is_observed(flight)
+    if aside:
         chain = turned_along(chain, reference.chain, theta, moment, 3)
-        pushed = turned_along(pushed, was, theta, force, 6)
+    if force is not None:
+        was = np.zeros_like(x[:, :n]) if pushed is None else pushed
+        pushed = was + share * (x[:, :n] - was)
+        if aside:
+            pushed = turned_along(pushed, was, theta, force, 6)
     steady, modes = None, None
     if flight.sensors is not None:
         steady = steady_of(flight.sensors, reference)
@@ -267,12 +311,11 @@ def smooth_translation(
     path = engine.smooth(*seen_part(flight, force, carrier=carrier))
     f = path.filtered
     x, P = (f.x, f.P) if causal else (path.x, path.P)
-    own = slice(force.states)
+    own, out = slice(force.states), force.rows
     x, P = x[:, own], P[:, own, own]
     P_world, F, _ = force.read(x)
     none = np.full((len(x), 3), np.nan)
     wrench_cov, pose_cov = np.full((2, len(x), 6, 6), np.nan)
-    out = force.rows
     wrench_cov[:, :3, :3] = out @ P @ out.T
     pose_cov[:, :3, :3] = force.axes @ P[:, :3, :3] @ force.axes.T
     return FlightState(
@@ -282,63 +325,73 @@ def smooth_translation(
 
 
 def with_translation(state: FlightState, free: FlightState) -> FlightState:
-    """The flight with force and mass center smoothed by themselves: no error links them to the rotation."""
+    """The rotation with force and mass center smoothed by themselves: no error links them."""
     wrench_cov, pose_cov = state.wrench_cov.copy(), state.pose_cov.copy()
     for cov, own in ((wrench_cov, free.wrench_cov), (pose_cov, free.pose_cov)):
         cov[:, :3, :3], cov[:, :3, 3:], cov[:, 3:, :3] = own[:, :3, :3], 0.0, 0.0
     innovation = np.concatenate([free.innovation, state.innovation[:, 3:]], 1)
-    gauged, about = state.gauge_innovation, state.reference
-    about = None if about is None else replace(about, force=None)
     return replace(
-        state, reference=about, center=free.center, velocity=free.velocity, force=free.force,
-        wrench_cov=wrench_cov, pose_cov=pose_cov, innovation=innovation,
-        nis=mean_square(np.concatenate([innovation, *([gauged] if len(gauged) else [])], 1)),
+        state, center=free.center, velocity=free.velocity, force=free.force, wrench_cov=wrench_cov,
+        pose_cov=pose_cov, innovation=innovation, nis=mean_square(innovation),
+        log_likelihood=state.log_likelihood + free.log_likelihood,
     )  # fmt: skip
 
 
 def read_state(
     flight: Flight,
     reference: Reference,
-    path: Smoothed | Filtered,
+    x: Array,
+    P: Array | None,
     f: Filtered,
-    force: LoadPrior,
+    force: LoadPrior | None,
     moment: LoadPrior,
 ) -> FlightState:
-    """The physical quantities in the state of a path; its moment part stands behind that of the force."""
-    flight, n = flexed(flight, reference), force.states
-    x, rot = path.x, turned(path.x[:, n : n + 3], reference.rotation)
-    axes = force.axes
-    P, F, _ = force.read(x[:, :n])
+    """The physical quantities in states x (time, state) of covariances P, None where these are not asked for.
+
+    Those of the moment stand behind those of the force. f: what the filter knows.
+    """
+    flight, n = flexed(flight, reference), states_of(force)
+    rot = turned(x[:, n : n + 3], reference.rotation)
+    center, momentum, F = (np.full((len(x), 3), np.nan),) * 3
+    if force is not None:
+        center, (momentum, F, _) = x[:, :3] @ force.axes.T, force.read(x[:, :n])
     end = n + reference.chain.shape[1]
     H, T, _ = reference.moment.read(x[:, n:end])
     H = flight.whole(H)
-    read_wrench, read_pose = np.zeros((len(x), 6, x.shape[1])), np.zeros((6, x.shape[1]))
-    read_wrench[:, :3, :n], read_wrench[:, 3:, n:end] = force.rows, reference.moment.rows
-    for part, prior, load in ((slice(0, 3), force, F), (slice(3, 6), moment, T)):
-        if prior.body_axes is not None:  # turned by what the rotation is off
-            read_wrench[:, part, n : n + 3] = -skew(load)
-    read_pose[:3, :3], read_pose[3:, n : n + 3] = axes, np.eye(3)
     h = (rot @ flight.h[..., None])[..., 0]
     omega = np.asarray(np.linalg.solve(rot @ flight.inertia @ rot.swapaxes(1, 2), (H - h)[..., None])[..., 0])
-    P_all, white = path.P, f.innovation
-    std = np.sqrt(np.maximum(np.diagonal(P_all[-1]), 0.0))
-    modes, modal_cov, deformed, gauged = None, None, 6, 6
+    white, modes, moving, deformed, gauged = of_pose(f.innovation), None, None, 6, 6
     if flight.modes is not None:
         modes, deformed = x[:, end:][:, : flight.modes.path.shape[1]], 6 + len(flight.modes.prior.std)
         gauged = deformed if (gauges := flight.modes.gauges) is None else deformed + len(gauges.rows)
         chains = np.arange(end, end + flight.modes.own).reshape(-1, flight.modes.prior.states)
         moving = chains[:, : len(ModeState)].ravel()
-        own = P_all[:, moving[:, None], moving]
-        modal_cov = np.concatenate([read_wrench @ P_all[:, :, moving], own], 1)
         end += modes.shape[1] + gauged - deformed
-    biases, sensors = slice(end, end + white.shape[1] - gauged), flight.sensors
-    steady, steady_std = (np.zeros(0) if sensors is None else sensors.steady_in(a) for a in (x[-1], std))
-    return FlightState(
-        x[:, :3] @ axes.T, P / flight.mass, rot, H, omega, F, T,
-        read_wrench @ P_all @ read_wrench.mT, read_pose @ P_all @ read_pose.T,
-        white[:, :6], f.nis, f.log_likelihood, reference,
-        white[:, gauged:], x[-1, biases], std[biases], steady, steady_std, modes, modal_cov,
-        white[:, deformed:gauged],
+    biases, sensors, none = slice(end, end + white.shape[1] - gauged), flight.sensors, np.zeros(0)
+    unknown = np.full((len(x), 6, 6), np.nan)
+    state = FlightState(
+        center, momentum / flight.mass, rot, H, omega, F, T, unknown, unknown,
+        white[:, :6], f.nis, f.log_likelihood, reference, white[:, gauged:], x[-1, biases],
+        np.full(white.shape[1] - gauged, np.nan), none if sensors is None else sensors.steady_in(x[-1]),
+        modes=modes, gauge_innovation=white[:, deformed:gauged], path=(f, x),
+    )  # fmt: skip
+    if P is None:
+        return state
+    read_wrench, read_pose = np.zeros((len(x), 6, x.shape[1])), np.zeros((6, x.shape[1]))
+    read_wrench[:, 3:, n : n + reference.chain.shape[1]] = reference.moment.rows
+    read_pose[3:, n : n + 3] = np.eye(3)
+    if force is not None:
+        read_wrench[:, :3, :n], read_pose[:3, :3] = force.rows, force.axes
+    for part, prior, load in ((slice(0, 3), force, F), (slice(3, 6), moment, T)):
+        if prior is not None and prior.body_axes is not None:  # turned by what the rotation is off
+            read_wrench[:, part, n : n + 3] = -skew(load)
+    std, modal_cov = np.sqrt(np.maximum(np.diagonal(P[-1]), 0.0)), None
+    if moving is not None:
+        modal_cov = np.concatenate([read_wrench @ P[:, :, moving], P[:, moving[:, None], moving]], 1)
+    return replace(
+        state, wrench_cov=read_wrench @ P @ read_wrench.mT, pose_cov=read_pose @ P @ read_pose.T,
+        bias_std=std[biases], steady_std=none if sensors is None else sensors.steady_in(std),
+        modal_cov=modal_cov, path=None,
     )  # fmt: skip
 
 

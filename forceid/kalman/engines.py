@@ -33,6 +33,7 @@ class Engine:
     smooth_states: Callable[[StateSpace, Array], Array]
     log_likelihood: Callable[..., Array]
     filter_and_smooth_states: Callable[[StateSpace, Array], tuple[Filtered, Array]]
+    with_covariances: Callable[[Filtered, Array], Smoothed]
     innovations: Callable[[StateSpace, Array], Array]
 
 
@@ -62,6 +63,7 @@ def engine(name: str = "auto") -> Engine:
         return Engine(
             name, module.filter, module.smooth, module.smooth_states, module.log_likelihood,
             lambda model, z: (module.filter(model, z), module.smooth_states(model, z)),
+            lambda f, x: module.smooth(f.model, f.z),
             partial(linear.innovations, import_module(MODULES["numpy"])),
         )  # fmt: skip
     return Engine(name, *(partial(getattr(linear, work.name), module) for work in fields(Engine)[1:]))

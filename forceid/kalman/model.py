@@ -79,13 +79,15 @@ class Filtered:
     Expanded or worked out on demand: P, P_pred (time, state, state) after and before each sample, x_pred
     before it, innovation (time, channel) z - H x_pred whitened by its covariance, NaN where z is missing;
     nis (time,) its mean square over the channels present; log_likelihood. Of many signals z (time, signal,
-    channel) all but covariances have an axis of signals after that of time.
+    channel) all but covariances have an axis of signals after that of time. factors (run, state, state): of
+    the covariances P where plain ones would lose digits, NaN elsewhere, or None.
     """
 
     model: StateSpace
     z: Array
     x: Array
     gains: Gains
+    factors: Array | None = None
 
     @property
     def P(self) -> Array:

@@ -118,18 +118,18 @@ def tune_together(
     flight = wandering(
         [i for i in free if f"{kinds[i].name}_walk" not in stated], flight, force, moment, about, engine
     )
-    model, z, _, about = laid(flight, force, moment, first=about)
-    level = float(engine.log_likelihood(model, z))
+    path, _, _, about = laid(flight, force, moment, first=about)
+    level = path.log_likelihood
     # one after the other: one may be uneven, and the other not
     for load in () if even else ("moment",) if alone else ("force", "moment"):
         pair, turned = with_own_axes(load, force, moment, about)
-        model, z, _, reached = laid(flight, *pair, first=turned)
-        if (likely := float(engine.log_likelihood(model, z))) > level + 5 * NUMBER:  # axes and proportions
+        path, _, _, reached = laid(flight, *pair, first=turned)
+        if (likely := path.log_likelihood) > level + 5 * NUMBER:  # axes and proportions
             level, about, (force, moment) = likely, reached, pair
     for _ in range(ROUNDS):
         flight, force, moment = searched(about)
-        model, z, _, about = laid(flight, force, moment, first=about)
-        before, level = level, float(engine.log_likelihood(model, z))
+        path, _, _, about = laid(flight, force, moment, first=about)
+        before, level = level, path.log_likelihood
         if not level > before + 5 * NUMBER:
             break
     return flight, force, moment

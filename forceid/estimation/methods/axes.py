@@ -59,6 +59,9 @@ def choose_axes(problem: Problem) -> Problem:
     each = {load: along_body(problem, load) for load in problem.priors if not told[load]}
     found = {load: one for load, one in each.items() if one is not None}
     taken = {load: one.prior for load, one in found.items() if asked == "body" or one.gain > PATIENCE}
+    if taken.keys() != found.keys():  # of no load is it asked along which axes it is none
+        problem = problem.claimed()
+        found = {load: one for load, one in found.items() if load in taken or not is_quiet(problem, load)}
     between = np.zeros_like(problem.state.wrench_cov)
     for load, one in found.items():
         if load not in taken and one.share > CHANCE:
@@ -67,11 +70,11 @@ def choose_axes(problem: Problem) -> Problem:
     problem = replace(problem, gained=gained, between=between)
     if not taken:
         return problem
-    before = np.isfinite(problem.state.wrench_cov)
+    before = np.isfinite(np.concatenate([problem.state.force, problem.state.moment], 1))
     try:
         with np.errstate(invalid="ignore"):  # covariances that rounding swamps are looked at below
             solved = along(problem, taken)
-        if np.isfinite(solved.state.wrench_cov)[before].all():
+        if np.isfinite(solved.state.wrench_cov)[before[:, :, None] & before[:, None]].all():
             return solved
     except EstimationError:  # what does not settle along axes of the body stays along those of the world
         if asked == "body":
@@ -121,11 +124,13 @@ def along_body(problem: Problem, load: str) -> BodyAxes | None:
     best = as_on_modes(problem, best, np.sqrt(moved_by(problem, load, best)))
     (own, turned), (stated, still) = by_itself(problem, load, best), by_itself(problem, load, prior)
     gain = own - stated + PATIENCE * (len(prior.lines) - len(best.lines))
-    claimed = np.nanmean(np.diagonal(problem.state.wrench_cov, axis1=1, axis2=2)[:, LOADS[load]], axis=0)
-    quiet = (prior.kernel.std**2).max() < claimed.min()
-    if quiet and gain <= PATIENCE and problem.settings.load_axes == "auto":
-        return None  # no load was found: one that turns has to be found as well
     return BodyAxes(best, gain, turned - still)
+
+
+def is_quiet(problem: Problem, load: str) -> bool:
+    """Whether no load was found along the axes of the world: one that turns has to be found as well."""
+    claimed = np.nanmean(np.diagonal(problem.state.wrench_cov, axis1=1, axis2=2)[:, LOADS[load]], axis=0)
+    return bool((problem.priors[load].kernel.std**2).max() < claimed.min())
 
 
 def moved_by(problem: Problem, load: str, prior: LoadPrior) -> Array:
@@ -153,4 +158,4 @@ def along(problem: Problem, priors: dict[str, LoadPrior]) -> Problem:
     problem, about = replace(problem, priors=problem.priors | priors), problem.state.reference
     assert about is not None
     about = about.under(priors["moment"]) if "moment" in priors else replace(about, force=None)
-    return replace(problem, state=problem.smoothed(problem.flight, about))
+    return replace(problem, state=problem.smoothed(problem.flight, about, claimed=True))

@@ -22,11 +22,17 @@ from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.estimation.loads.lines import NO_LINES, Lines
 from forceid.flight.channels import Channel
 from forceid.flight.color import SharedErrors
-from forceid.flight.model import Flight, Reference, seen_part
+from forceid.flight.model import Flight, Reference
 from forceid.flight.priors.protocol import LoadPrior
-from forceid.flight.smoother import FlightState, smooth_flight, smooth_translation, with_translation
+from forceid.flight.smoother import (
+    FlightState,
+    smooth_flight,
+    smooth_translation,
+    with_claims,
+    with_translation,
+)
 from forceid.kalman.engines import Engine
-from forceid.records import Array, Body, Finding, Flags, HiddenLoad, Impulses, ModalForces, Motion
+from forceid.records import Array, Body, Finding, HiddenLoad, Impulses, ModalForces, Motion
 
 TO_COME: Any = None  # a stage fills it before another reads it
 
@@ -123,7 +129,7 @@ class Problem:
     @property
     def apart(self) -> bool:
         """Whether force and rotation are smoothed by themselves: nothing links their errors."""
-        return self.kin.apart and self.flight.sensors is None
+        return self.kin.apart and self.flight.sensors is None and self.flight.modes is None
 
     @property
     def channels(self) -> dict[str, Channel]:
@@ -159,24 +165,30 @@ class Problem:
         """The problem with more findings of this pass."""
         return replace(self, notes=(*self.notes, *findings))
 
-    def smoothed(self, flight: Flight, first: Reference | None = None) -> FlightState:
-        """The state of a flight under the priors of its loads; first: a reference near to it, if known."""
+    def smoothed(
+        self, flight: Flight, first: Reference | None = None, claimed: bool = False
+    ) -> FlightState:
+        """The state of a flight under the priors of its loads; first: a reference near to it, if known.
+
+        claimed: whether covariances are asked for, which most stages need not.
+        """
         kin, force = self.kin, self.priors["force"]
         if not kin.attitude:
             return smooth_translation(flight, force, self.engine, self.causal)
-        moment = self.priors["moment"]
-        if not self.apart:
-            state = smooth_flight(flight, force, moment, self.engine, self.causal, first)
-            return with_spin_rate(state, kin.spin, kin.inertia.line)
-        carrier = None if first is None or force.body_axes is None else first.rotation
-        free = smooth_translation(flight, force, self.engine, self.causal, carrier)
-        turns: Flags = np.asarray(np.isfinite(flight.rotation).all((1, 2)))
-        center = np.where(np.isfinite(flight.center), flight.center, free.center)
-        beside = replace(flight, center=np.where(turns[:, None], center, np.nan))
-        state = smooth_flight(beside, force.plain(), moment, self.engine, self.causal, first)
-        beyond = self.engine.log_likelihood(*seen_part(beside, force.plain()))
-        state = replace(state, log_likelihood=state.log_likelihood - float(beyond) + free.log_likelihood)
-        return with_spin_rate(with_translation(state, free), kin.spin, kin.inertia.line)
+        both = (None if self.apart else force), self.priors["moment"]
+        state = smooth_flight(flight, *both, self.engine, self.causal, first, claimed or self.apart)
+        if self.apart:
+            carrier = None if first is None or force.body_axes is None else first.rotation
+            free = smooth_translation(flight, force, self.engine, self.causal, carrier)
+            state = with_translation(state, free)
+        return with_spin_rate(state, kin.spin, kin.inertia.line)
+
+    def claimed(self) -> Problem:
+        """The problem with the covariances of its state."""
+        if self.state.claimed:
+            return self
+        state = with_claims(self.flight, self.state, self.priors["force"], self.priors["moment"], self.engine)
+        return replace(self, state=with_spin_rate(state, self.kin.spin, self.kin.inertia.line))
 
 
 @dataclass(frozen=True)

@@ -170,6 +170,8 @@ def estimate_flight(
     still = [load for load, prior in problem.priors.items() if prior.body_axes is None]
     if (again := beside_lines(apart, still)) is not apart:
         problem = choose_axes(again)
+    with stage("flight"):
+        problem = problem.claimed()
     with stage("claims"):
         return solution_of(through(CLAIMS, problem))
 

@@ -40,11 +40,6 @@ def filter(passes: Passes, model: StateSpace, z: Array) -> Filtered:
     z = as_channels(z)
     if z.ndim == 3 and not same_gaps(z):
         return filter_each(lambda one: filter(passes, model, one), z)
-    return filter_with_factors(passes, model, z)[0]
-
-
-def filter_with_factors(passes: Passes, model: StateSpace, z: Array) -> tuple[Filtered, Array | None]:
-    """Filter of z (time, [signal,] channel) with common gaps; factors of P where conditioning asks."""
     F, Q, H, R, u = arrays(model, z)
     runs, C = mended_covariance_pass(
         passes.covariance_pass, F, Q, H, R, model.P0, pattern(z), time_invariant(model)
@@ -54,7 +49,7 @@ def filter_with_factors(passes: Passes, model: StateSpace, z: Array) -> tuple[Fi
     signals = z if z.ndim == 3 else z[:, None]
     x0 = np.broadcast_to(model.x0, (signals.shape[1], model.P0.shape[-1]))
     x = passes.mean_pass(F, u, H, g.start, g.K, x0, signals)
-    return Filtered(model, z, x if z.ndim == 3 else x[:, 0], g), C
+    return Filtered(model, z, x if z.ndim == 3 else x[:, 0], g, C)
 
 
 def innovations(passes: Passes, model: StateSpace, z: Array) -> Array:
@@ -92,12 +87,15 @@ def smooth(passes: Passes, model: StateSpace, z: Array) -> Smoothed:
     z = as_channels(z)
     if z.ndim == 3 and not same_gaps(z):
         return smooth_apart(lambda one: smooth(passes, model, one), z)
-    f, C = filter_with_factors(passes, model, z)
-    x = backward(passes, model, f, C)
-    F, Q, H, R, _ = arrays(model, z)
+    return with_covariances(passes, *filter_and_smooth_states(passes, model, z))
+
+
+def with_covariances(passes: Passes, f: Filtered, x: Array) -> Smoothed:
+    """The smoother's covariances beside its states x (time, [signal,] state), of signals with common gaps."""
+    F, Q, H, R, _ = arrays(f.model, f.z)
     start, runs, failed = smoothed_runs(
-        passes.information_pass, passes.combine, F, Q, H, R, pattern(z), time_invariant(model),
-        f.gains.start, f.gains.P, C,
+        passes.information_pass, passes.combine, F, Q, H, R, pattern(f.z), time_invariant(f.model),
+        f.gains.start, f.gains.P, f.factors,
     )  # fmt: skip
     require_positive(failed)
     return Smoothed(x, start, runs, f)
@@ -105,24 +103,23 @@ def smooth(passes: Passes, model: StateSpace, z: Array) -> Smoothed:
 
 def smooth_states(passes: Passes, model: StateSpace, z: Array) -> Array:
     """States (time, state) of `smooth` without their covariances, at a third of its cost or less."""
-    f, C = filter_with_factors(passes, model, as_channels(z))
-    return backward(passes, model, f, C)
+    return filter_and_smooth_states(passes, model, z)[1]
 
 
 def filter_and_smooth_states(passes: Passes, model: StateSpace, z: Array) -> tuple[Filtered, Array]:
     """Both `filter` and `smooth_states`, of signals with common gaps, for the covariances of one."""
-    f, C = filter_with_factors(passes, model, as_channels(z))
-    return f, backward(passes, model, f, C)
+    f = filter(passes, model, z)
+    return f, backward(passes, f)
 
 
-def backward(passes: Passes, model: StateSpace, f: Filtered, C: Array | None) -> Array:
-    """States (time, [signal,] state) given all samples, of a filter's; C: its factors, as it gave them."""
-    F, Q, H, _, u = arrays(model, f.z)
+def backward(passes: Passes, f: Filtered) -> Array:
+    """States (time, [signal,] state) given all samples, of a filter's."""
+    F, Q, H, _, u = arrays(f.model, f.z)
     g, x, z = f.gains, *(a if f.z.ndim == 3 else a[:, None] for a in (f.x, f.z))
     G = steady_gains(F, u, g)
     smoothed = passes.adjoint_pass(F, u, H, g.start, g.P, g.K, g.W, G, z, x)
-    if C is not None:
-        smoothed = smoothed_states(F, Q, u, g.start, C, x, smoothed)
+    if f.factors is not None:
+        smoothed = smoothed_states(F, Q, u, g.start, f.factors, x, smoothed)
     return smoothed if f.z.ndim == 3 else smoothed[:, 0]
 
 
