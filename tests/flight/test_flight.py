@@ -246,9 +246,10 @@ def test_stacked_models_do_not_disturb_each_other():
         np.testing.assert_allclose(joint.x[:, part], alone.x, atol=1e-8 * np.abs(alone.x).max())
 
 
-def test_without_shared_errors_any_prior_of_the_force_leaves_the_same_moment():
+@pytest.mark.parametrize("engine", ["numpy", "auto"])
+def test_where_nothing_links_their_errors_the_rotation_by_itself_has_the_same_moment(engine):
     flight, _ = drawn_flight(FORCE, MOMENT, np.random.default_rng(3))
-    full, bare = (smooth(flight, force) for force in (FORCE, FORCE.plain()))
+    full, bare = (smooth(flight, force, engine=engine) for force in (FORCE, None))
     np.testing.assert_allclose(bare.moment, full.moment, atol=1e-9 * np.abs(full.moment).max())
     claim, same = (state.wrench_cov[:, 3:, 3:] for state in (full, bare))
     np.testing.assert_allclose(same, claim, atol=1e-9 * claim.max())

@@ -105,14 +105,13 @@ def fused(
     elif rate_read(flight.time, flight.rotation, flight.sensors) is not None:
         moment = rough_priors(flight)[1]  # frames alone may have the wrong sense
     known, alone = set(motion.noise_std | settings.noise_std), kin.apart and flight.sensors is None
-    given = force.plain() if alone else force
     try:
-        flight, tuned, moment = tune_together(flight, given, moment, engine, known, alone=alone)
+        flight, tuned, moment = tune_together(flight, None if alone else force, moment, engine, known)
     except EstimationError:
         if flight.sensors is not None:
             raise
         return flight, priors  # read in the wrong sense, perhaps: what the first moment says has to do
-    return flight, priors | {"force": force if alone else tuned, "moment": moment}
+    return flight, priors | {"force": tuned or force, "moment": moment}
 
 
 def turn_a_frame(flight: Flight) -> float:

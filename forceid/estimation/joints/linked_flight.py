@@ -81,7 +81,7 @@ def linked_part(solution: Solution) -> LinkedPart | None:
         return None
     own = smoothing.flight
     flight, step = flexed(own, reference), np.diff(own.time)
-    force = replace(smoothing.priors["force"].plain(), axes=np.eye(3))
+    force = replace(smoothing.priors["force"], axes=np.eye(3), lines=(), body_axes=None)
     center = first_states(translation(flight, force))
     F = reference.moment.chain(step, reference.rotation, own.time[0])[0]
     turn = turn_step(flight, reference, *added_moment(reference.moment, F, reference.chain))

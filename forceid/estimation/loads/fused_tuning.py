@@ -46,14 +46,13 @@ WANDER = 3.0 * 2.0 ** np.arange(12)  # over a record, in units of the noise of i
 
 def tune_together(
     flight: Flight,
-    force: LoadPrior,
+    force: LoadPrior | None,
     moment: LoadPrior,
     engine: Engine,
     stated: Set[str] = frozenset(),
     first: Reference | None = None,
     even: bool = False,
-    alone: bool = False,
-) -> tuple[Flight, LoadPrior, LoadPrior]:
+) -> tuple[Flight, LoadPrior | None, LoadPrior]:
     """Priors of force and moment by the likelihood of markers and sensors together, and the sensors' noise.
 
     force, moment: as the markers alone have them, which misses axes by more than sensors forgive: first each
@@ -61,7 +60,7 @@ def tune_together(
     for it; its size and its rate move. Of a kind of sensor whose noise is not `stated` (by name) its size
     moves; whose biases are not, they wander where that is far likelier. The path is laid anew in between,
     from a `first` one along the axes of both loads, if one is known. even: loads stay alike along all axes;
-    alone: the force stays as it is, that of a mass center which nothing links to the rotation.
+    force: None for the rotation by itself.
     """
     kinds = () if flight.sensors is None else flight.sensors.instruments
     free = [] if flight.sensors is None else [int(i) for i in np.unique(flight.sensors.kind)]
@@ -69,20 +68,20 @@ def tune_together(
 
     spread: Array | None = None
 
-    def searched(about: Reference) -> tuple[Flight, LoadPrior, LoadPrior]:
+    def searched(about: Reference) -> tuple[Flight, LoadPrior | None, LoadPrior]:
         nonlocal spread
         part = middle(len(flight.time), FLIGHT_SAMPLES)
         cut, near = flight_segment(flight, part), reference_segment(about, part)
-        if alone:
+        if force is None:
             half = partial(of_half, cut, moment, near, engine)
             by, spread = ascended(half, np.zeros(2), spread_about(half, 2) if spread is None else spread)
             return flight, force, moment.moved(by)
-        bent = flexed(cut, near)  # a step along one load leaves the model of the other as it was
-        read = None if cut.sensors is None else read_of(cut, force, moment, near)
+        push, bent = force, flexed(cut, near)  # a step along one load leaves the model of the other as it was
+        read = None if cut.sensors is None else read_of(cut, push, moment, near)
 
         @lru_cache(MODELS_HELD)
         def moving(*by: float) -> StateSpace:
-            return translation(bent, force.moved(np.array(by)), near.rotation)
+            return translation(bent, push.moved(np.array(by)), near.rotation)
 
         @lru_cache(MODELS_HELD)
         def turning(*by: float) -> StateSpace:
@@ -93,12 +92,12 @@ def tune_together(
         def value(by: Array) -> float:
             nonlocal over
             halves = moving(*by[:2].tolist()), turning(*by[2:4].tolist())
-            priors, tried = (force.moved(by[:2]), moment.moved(by[2:4])), louder(cut, loud, by[4:])
+            priors, tried = (push.moved(by[:2]), moment.moved(by[2:4])), louder(cut, loud, by[4:])
             over, z = linear_flight(tried, *priors, near, halves, read, over)
             return likelihood_of(over, z, engine)
 
         start = np.zeros(4 + len(loud))
-        apiece = [partial(of_half, cut, force, None, engine), partial(of_half, cut, moment, near, engine)]
+        apiece = [partial(of_half, cut, push, None, engine), partial(of_half, cut, moment, near, engine)]
         if spread is None:  # that of each load by itself costs little; a reading tells of its noise
             each = (spread_about(half, 2) for half in apiece)
             spread = block_diag(*each, np.eye(len(loud)) / len(cut.time))
@@ -109,19 +108,19 @@ def tune_together(
             tops = [ascended(half, start[:2], own) for half, own in zip(apiece, known, strict=True)]
             start = np.concatenate([top for top, _ in tops])
             best, spread = ascended(value, start, block_diag(*(own for _, own in tops)), sure=True)
-        return louder(flight, loud, best[4:]), force.moved(best[:2]), moment.moved(best[2:4])
+        return louder(flight, loud, best[4:]), push.moved(best[:2]), moment.moved(best[2:4])
 
-    force, moment = force if alone else force.alike(), moment.alike()
+    force, moment = None if force is None else force.alike(), moment.alike()
     laid = partial(settled, engine=engine)
     _, _, _, about = laid(flight, force, moment, first=first)
     flight, force, moment = searched(about)
-    flight = wandering(
-        [i for i in free if f"{kinds[i].name}_walk" not in stated], flight, force, moment, about, engine
-    )
+    if force is not None:
+        wander = [i for i in free if f"{kinds[i].name}_walk" not in stated]
+        flight = wandering(wander, flight, force, moment, about, engine)
     path, _, _, about = laid(flight, force, moment, first=about)
     level = path.log_likelihood
     # one after the other: one may be uneven, and the other not
-    for load in () if even else ("moment",) if alone else ("force", "moment"):
+    for load in () if even else ("moment",) if force is None else ("force", "moment"):
         pair, turned = with_own_axes(load, force, moment, about)
         path, _, _, reached = laid(flight, *pair, first=turned)
         if (likely := path.log_likelihood) > level + 5 * NUMBER:  # axes and proportions
@@ -151,10 +150,10 @@ def by_the_flight(
     it changes the likelihood: the search begins at its likeliest size. Where no path came to rest under it
     (None), about that under the smallest larger one which lets one.
     """
-    force, moment = priors["force"], priors["moment"]
+    moment = priors["moment"]
     for size in () if about is not None else LARGER_BY[1:]:
         with suppress(EstimationError):
-            about = settled(flight, force, moment.with_kernel(moment.kernel.scaled(size)), engine)[2]
+            about = settled(flight, None, moment.with_kernel(moment.kernel.scaled(size)), engine)[2]
             break
     if about is None:
         return priors
@@ -163,7 +162,7 @@ def by_the_flight(
     try:
         size = max(LARGER_BY, key=lambda one: half(np.array([np.log(one), 0.0])))
         moment = moment.with_kernel(moment.kernel.scaled(size))
-        moment = tune_together(flight, force, moment, engine, first=about, alone=True)[2]
+        moment = tune_together(flight, None, moment, engine, first=about)[2]
     except EstimationError:
         return priors
     return priors | {"moment": moment}
@@ -203,11 +202,12 @@ def wandering(
 
 
 def with_own_axes(
-    load: str, force: LoadPrior, moment: LoadPrior, about: Reference
-) -> tuple[tuple[LoadPrior, LoadPrior], Reference]:
+    load: str, force: LoadPrior | None, moment: LoadPrior, about: Reference
+) -> tuple[tuple[LoadPrior | None, LoadPrior], Reference]:
     """Both priors, that of one load along the axes of what a reference holds of it; the reference on them."""
-    assert about.force is not None
     prior, chain = (force, about.force) if load == "force" else (moment, about.chain)
+    assert prior is not None
+    assert chain is not None
     found = prior.read(chain)[1]
     if prior.body_axes is not None:  # its axes turn with the body, its states do not
         along = along_own_axes(prior, np.einsum("tba,tb->ta", about.rotation, found))
@@ -215,7 +215,7 @@ def with_own_axes(
         return ((along, moment) if load == "force" else (force, along)), about
     along = along_own_axes(prior, found)
     if load == "force":
-        return (along, moment), replace(about, force=along.restated(about.force, force))
+        return (along, moment), replace(about, force=along.restated(chain, prior))
     return (force, along), replace(about, chain=along.restated(about.chain, moment), moment=along)
 
 

@@ -215,7 +215,8 @@ def tuned_and_smoothed(
     does.
     """
     stated = search.stated | {f"{one.name}_walk" for one in instruments_of(flight)}
-    flight, force, moment = tune_together(flight, force, moment, search.engine, stated, first, even=True)
+    flight, tuned, moment = tune_together(flight, force, moment, search.engine, stated, first, even=True)
+    force = tuned or force
     causal = search.settings.method == "filter"
     state = smooth_flight(flight, force, moment, search.engine, causal, first)
     state, left = with_left_over(flight, force, moment, search.engine, state)

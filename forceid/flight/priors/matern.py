@@ -60,10 +60,6 @@ class Matern:
         """The kernels of loads as large that forget themselves so many times as fast."""
         return replace(self, rate=factor * self.rate)
 
-    def fewest(self) -> Matern:
-        """The kernels of fewest states."""
-        return replace(self, order=1)
-
     def unknown(self, std: Array, rate: float) -> Matern:
         """Kernels for loads of which little is known but std (axis,) and about what rate (1/s)."""
         return Matern(UNTOLD_ORDER, std, np.full(len(std), rate))

@@ -90,10 +90,6 @@ class Periodic:
         """The kernels of loads as large that forget themselves so many times as fast."""
         return replace(self, decay=factor * self.decay)
 
-    def fewest(self) -> Periodic:
-        """The kernels of fewest states: these, since all harmonics are one load."""
-        return self
-
     def unknown(self, std: Array, rate: float) -> Periodic:
         """Kernels for loads of which little is known but std (axis,); their beat is that of this one."""
         return replace(self, std=std)

@@ -78,9 +78,6 @@ class Kernel(Protocol):
     def hastened(self, factor: float) -> Kernel:
         """The kernels of loads as large that forget themselves so many times as fast."""
 
-    def fewest(self) -> Kernel:
-        """The kernels of fewest states."""
-
     def unknown(self, std: Array, rate: float) -> Kernel:
         """Kernels for loads of which little is known but std (axis,) and about what rate (1/s)."""
 
@@ -252,10 +249,6 @@ class LoadPrior:
         pieces = None if self.tuned.pieces is None else self.tuned.pieces.of(alike)
         tuned = replace(self.tuned, kernel=self.kernel.of(alike), pieces=pieces)
         return replace(self, tuned=tuned)
-
-    def plain(self) -> LoadPrior:
-        """One as large of fewest states, for a rotation whose errors nothing links to those of the center."""
-        return replace(self.with_kernel(self.kernel.fewest()), lines=(), body_axes=None)
 
     def axes_along(self, rotation: Array) -> Array:
         """Axes that the kernel holds along, as columns in world axes: (3, 3), or (time, 3, 3) of one that
