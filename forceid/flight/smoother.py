@@ -101,11 +101,13 @@ def smooth_flight(
     NaN. first: a reference near to it, if one is known; claimed: whether covariances are asked for. Raises
     EstimationError when it does not come to rest.
     """
-    if engine.name == "compiled" and (flight.modes is None or first is None):
-        stiff = smooth_long(replace(flight, modes=None), force, moment, causal)
-        if stiff is not None and flight.modes is None:
+    if engine.name == "compiled" and flight.modes is None:
+        stiff = smooth_long(flight, force, moment, causal)
+        if stiff is not None:
             return stiff
-        first = first if stiff is None else stiff.reference  # near to where a flight that bends settles
+    elif engine.name == "compiled" and first is None:  # the rotation as if stiff: near to where it settles
+        stiff = smooth_long(replace(flight, modes=None), None, moment, causal)
+        first = None if stiff is None else stiff.reference
     f, x, about, _ = settled(flight, force, moment, engine, first)
     x, P = known_of(f, x, engine, causal, claimed)
     return read_state(flight, about, x, P, f, force, moment)

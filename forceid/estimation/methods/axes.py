@@ -59,17 +59,21 @@ def choose_axes(problem: Problem) -> Problem:
     each = {load: along_body(problem, load) for load in problem.priors if not told[load]}
     found = {load: one for load, one in each.items() if one is not None}
     taken = {load: one.prior for load, one in found.items() if asked == "body" or one.gain > PATIENCE}
+    solved = along_those_of_the_body(problem, taken) if taken else problem
     if taken.keys() != found.keys():  # of no load is it asked along which axes it is none
-        problem = problem.claimed()
-        found = {load: one for load, one in found.items() if load in taken or not is_quiet(problem, load)}
+        solved = solved.claimed()
+        found = {load: one for load, one in found.items() if load in taken or not is_quiet(solved, load)}
     between = np.zeros_like(problem.state.wrench_cov)
     for load, one in found.items():
         if load not in taken and one.share > CHANCE:
             between[:, LOADS[load], LOADS[load]] = one.share * one.off[:, :, None] * one.off[:, None]
     gained = {f"{load}_body_axes_evidence": one.gain for load, one in found.items()}
-    problem = replace(problem, gained=gained, between=between)
-    if not taken:
-        return problem
+    return replace(solved, gained=gained, between=between)
+
+
+def along_those_of_the_body(problem: Problem, taken: dict[str, LoadPrior]) -> Problem:
+    """The problem solved under priors along axes of the body; itself where it does not settle so."""
+    asked = problem.settings.load_axes == "body"
     before = np.isfinite(np.concatenate([problem.state.force, problem.state.moment], 1))
     try:
         with np.errstate(invalid="ignore"):  # covariances that rounding swamps are looked at below
@@ -77,9 +81,9 @@ def choose_axes(problem: Problem) -> Problem:
         if np.isfinite(solved.state.wrench_cov)[before[:, :, None] & before[:, None]].all():
             return solved
     except EstimationError:  # what does not settle along axes of the body stays along those of the world
-        if asked == "body":
+        if asked:
             raise
-    if asked == "body":
+    if asked:
         raise EstimationError(
             "loads along axes of the body leave covariances that rounding swamps",
             "the recording",
