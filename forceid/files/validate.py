@@ -72,7 +72,7 @@ def check_motion(motion: Motion, body: Body, where: str) -> None:
             check_range(value, MOTION[name].units, f"{where}/{name}")
     for name in ("position", "center"):
         value = getattr(motion, name)
-        if value is not None and not np.isfinite(value).all(-1).any():
+        if value is not None and not (known := np.isfinite(value)).all() and not known.all(-1).any():
             lost = "nothing but NaN: every marker is lost in every frame"
             part = "no reading of all three axes: a coordinate is missing in every one"
             raise DataError(

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -51,8 +50,10 @@ def check_heaps(path: str | Path, use: Callable[[memoryview], None] | None = Non
         while n := f.readinto(memoryview(block)[kept:]):
             if use is not None:
                 use(memoryview(block)[kept : kept + n])
-            found = re.finditer(re.escape(_SIGNATURE), memoryview(block)[: kept + n])
-            heaps += [at - kept + match.start() for match in found]
+            match = block.find(_SIGNATURE, 0, kept + n)
+            while match >= 0:
+                heaps.append(at - kept + match)
+                match = block.find(_SIGNATURE, match + 1, kept + n)
             block[:kept] = block[n : kept + n]
             at += n
         if wide(os.pread(f.fileno(), 16, 0)):

@@ -37,10 +37,9 @@ def check_texts(item: Any, where: str) -> None:
     """
     path, address = item.file.filename, h5py.h5o.get_info(item.id).addr
     with open(path, "rb", buffering=0) as f:
-        for kind, body in messages(f.fileno(), address):
-            stored = attribute_references(body) if kind == _ATTRIBUTE else b""
-            if stored:
-                check_references(path, stored, where)
+        found = [body for kind, body in messages(f.fileno(), address) if kind == _ATTRIBUTE]
+    if stored := b"".join(map(attribute_references, found)):
+        check_references(path, stored, where)
 
 
 def messages(file: int, address: int) -> Iterator[tuple[int, bytes]]:
