@@ -29,8 +29,10 @@ def write_trc(path, position, names, units="mm", frames=None):
     return path
 
 
-def write_mot(path, data, names=None, rows=None):
-    names = names or ["time"] + [f"ground_force_1_{kind}{axis}" for kind in "vpm" for axis in "xyz"]
+COLUMNS = ["time"] + [f"ground_force_1_{kind}{axis}" for kind in "vpm" for axis in "xyz"]
+
+
+def write_mot(path, data, names=COLUMNS, rows=None):
     head = [f"nColumns={len(names)}", f"nRows={rows or len(data)}", "endheader", "\t".join(names)]
     path.write_text("\n".join([*head, *("\t".join(f"{v:.12g}" for v in row) for row in data)]) + "\n")
     return path
@@ -153,8 +155,13 @@ def test_a_mot_file_that_is_damaged_is_refused(tmp_path):
         read_mot(write_mot(tmp_path / "a.mot", rows, rows=7), PlateSetting())
     with pytest.raises(DataError, match=r"has no column 'ground_force_2_vx'.*\[import\.plates\]"):
         read_mot(write_mot(tmp_path / "a.mot", rows), PlateSetting(plate=("1", "2")))
+    with pytest.raises(DataError, match="has no column 'time', found t, ground_force_1_vx"):
+        read_mot(write_mot(tmp_path / "a.mot", rows, names=["t", *COLUMNS[1:]]), PlateSetting())
     (tmp_path / "b.mot").write_text("time\n0\n")
     with pytest.raises(DataError, match="expected a line 'endheader'"):
+        read_mot(tmp_path / "b.mot", PlateSetting())
+    (tmp_path / "b.mot").write_text("nRows=0\nendheader\n")
+    with pytest.raises(DataError, match="has no column 'ground_force_1_vx', found no line of names"):
         read_mot(tmp_path / "b.mot", PlateSetting())
 
 

@@ -48,7 +48,8 @@ def known_loads(recording: Recording, settings: Settings) -> tuple[KnownLoad, ..
         raise ConfigError(what, "known_load", "estimate the body as a whole, or leave the known loads out")
     if motion.position is None and motion.center is None:
         what = "needs a motion that shows where the body is, expected markers or a mean motion"
-        raise ConfigError(what, "known_load", "add /motion/position, or leave the known loads out")
+        kind, where = (ConfigError, "known_load") if stored is None else (DataError, "/load_known")
+        raise kind(what, where, "add /motion/position, or leave the known loads out")
     if len(asked) < len(settings.known_load):
         raise ConfigError("gives one name to two loads", "known_load", "name every load once")
     center = inertia_of(body).center

@@ -58,21 +58,23 @@ def read_mot(path: str | Path, setting: PlateSetting) -> Plates:
         )
     start = stripped.index("endheader") + 1
     head = dict(line.replace(" ", "").split("=", 1) for line in lines[: start - 1] if "=" in line)
-    names = lines[start].split()
+    names = lines[start].split() if start < len(lines) else []
     rows = [(n, line.split()) for n, line in enumerate(lines[start + 1 :], start + 2) if line.strip()]
     data = number_rows(rows, len(names), str(path))
     check_count(len(data), head.get("nRows", head.get("datarows", "")), "rows", str(path))
 
+    def column(name: str) -> int:
+        if name not in names:
+            what = f"has no column {name!r}, found {', '.join(names[:4]) or 'no line of names'}, ..."
+            raise DataError(what, str(path), "export the plates again, or correct [import.plates]")
+        return names.index(name)
+
     def take(pattern: str) -> Array:
         wanted = [[pattern.format(plate=plate) + axis for axis in "xyz"] for plate in setting.plate]
-        for name in (name for names_of_plate in wanted for name in names_of_plate):
-            if name not in names:
-                what = f"has no column {name!r}, found {', '.join(names[:4])}, ..."
-                raise DataError(what, str(path), "correct [import.plates]")
-        return np.stack([data[:, [names.index(name) for name in plate]] for plate in wanted], 1)
+        return np.stack([data[:, [column(name) for name in plate]] for plate in wanted], 1)
 
     loads = take(setting.force), take(setting.point), take(setting.moment)
-    return Plates(data[:, names.index("time")], *loads, setting.plate)
+    return Plates(data[:, column("time")], *loads, setting.plate)
 
 
 def read_c3d(path: str | Path) -> Capture:
