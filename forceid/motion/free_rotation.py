@@ -132,8 +132,9 @@ def shot(step: Array, start: Array, to: Array, H: Array, J: Array, h: Array) -> 
         H[left] += np.minimum(1.0, reach / np.maximum(more, 1e-300))[:, None] * change
         left = left[angle(step[left], start[left], H[left], J[left], h[left]) < SHOWN_TURN]
     if open_ended.any():
-        rest = (a[open_ended] for a in (step, start, found, J, h))
-        by[:, open_ended] = free_turn(*rest)[1:]
+        step, *rest = (a[open_ended] for a in (step, start, found, J, h))
+        shown = np.minimum(1.0, SHOWN_TURN / np.maximum(angle(step, *rest), 1e-300))
+        by[:, open_ended] = free_turn(shown * step, *rest)[1:]
     return found, by[0], by[1]
 
 

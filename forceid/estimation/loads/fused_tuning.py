@@ -32,7 +32,7 @@ from forceid.flight.model import (
     translation,
 )
 from forceid.flight.priors.protocol import LoadPrior
-from forceid.flight.smoother import FlightState, settled
+from forceid.flight.smoother import FlightState, first_reference, settled
 from forceid.flight.tuning import LEAK
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
@@ -151,9 +151,11 @@ def by_the_flight(
     (None), about that under the smallest larger one which lets one.
     """
     moment = priors["moment"]
+    first = first_reference(flight, moment) if about is None else about
     for size in () if about is not None else LARGER_BY[1:]:
+        larger = moment.with_kernel(moment.kernel.scaled(size))
         with suppress(EstimationError):
-            about = settled(flight, None, moment.with_kernel(moment.kernel.scaled(size)), engine)[2]
+            about = settled(flight, None, larger, engine, replace(first, moment=larger))[2]
             break
     if about is None:
         return priors
