@@ -109,27 +109,20 @@ def smooth_flight(
         stiff = smooth_long(replace(flight, modes=None), None, moment, causal)
         first = None if stiff is None else stiff.reference
     f, x, about, _ = settled(flight, force, moment, engine, first)
-    x, P = known_of(f, x, engine, causal, claimed)
-    return read_state(flight, about, x, P, f, force, moment)
+    state = read_state(flight, about, f.x if causal else x, f, force, moment)
+    if causal:
+        return with_covariances(flight, state, f.P, force, moment)
+    state = replace(state, path=(f.for_smoother(), x))
+    return with_claims(flight, state, force, moment, engine) if claimed else state
 
 
 def with_claims(
     flight: Flight, state: FlightState, force: LoadPrior | None, moment: LoadPrior, engine: Engine
 ) -> FlightState:
     """A smoothed flight with the covariances that were not asked for."""
-    if state.path is None or state.reference is None:
+    if state.path is None:
         return state
-    f, x = state.path
-    return read_state(flight, state.reference, x, engine.with_covariances(f, x).P, f, force, moment)
-
-
-def known_of(
-    f: Filtered, x: Array, engine: Engine, causal: bool, claimed: bool
-) -> tuple[Array, Array | None]:
-    """States given all samples, or if causal those so far, and their covariances where these are claimed."""
-    if causal:
-        return f.x, f.P
-    return x, engine.with_covariances(f, x).P if claimed else None
+    return with_covariances(flight, state, engine.with_covariances(*state.path).P, force, moment)
 
 
 def smoothed_once_more(
@@ -139,7 +132,8 @@ def smoothed_once_more(
     model, z = linear_flight(flight, force, moment, about)
     further = led(flight, force, moment, about, engine.smooth_states(model, z), 1.0)
     path = engine.smooth(*linear_flight(flight, force, moment, further))
-    return read_state(flight, further, path.x, path.P, path.filtered, force, moment)
+    state = read_state(flight, further, path.x, path.filtered, force, moment)
+    return with_covariances(flight, state, path.P, force, moment)
 
 
 def smooth_long(
@@ -340,17 +334,10 @@ def with_translation(state: FlightState, free: FlightState) -> FlightState:
 
 
 def read_state(
-    flight: Flight,
-    reference: Reference,
-    x: Array,
-    P: Array | None,
-    f: Filtered,
-    force: LoadPrior | None,
-    moment: LoadPrior,
+    flight: Flight, reference: Reference, x: Array, f: Filtered, force: LoadPrior | None, moment: LoadPrior
 ) -> FlightState:
-    """The physical quantities in states x (time, state) of covariances P, None where these are not asked for.
-
-    Those of the moment stand behind those of the force. f: what the filter knows.
+    """The physical quantities in states x (time, state), of which those of the moment stand behind those of the
+    force; no covariances. f: what the filter knows.
     """
     flight, n = flexed(flight, reference), states_of(force)
     rot = turned(x[:, n : n + 3], reference.rotation)
@@ -362,38 +349,46 @@ def read_state(
     H = flight.whole(H)
     h = (rot @ flight.h[..., None])[..., 0]
     omega = np.asarray(np.linalg.solve(rot @ flight.inertia @ rot.swapaxes(1, 2), (H - h)[..., None])[..., 0])
-    white, modes, moving, deformed, gauged = of_pose(f.innovation), None, None, 6, 6
+    white, modes, deformed, gauged = of_pose(f.innovation), None, 6, 6
     if flight.modes is not None:
         modes, deformed = x[:, end:][:, : flight.modes.path.shape[1]], 6 + len(flight.modes.prior.std)
         gauged = deformed if (gauges := flight.modes.gauges) is None else deformed + len(gauges.rows)
-        chains = np.arange(end, end + flight.modes.own).reshape(-1, flight.modes.prior.states)
-        moving = chains[:, : len(ModeState)].ravel()
         end += modes.shape[1] + gauged - deformed
-    biases, sensors, none = slice(end, end + white.shape[1] - gauged), flight.sensors, np.zeros(0)
-    unknown = np.full((len(x), 6, 6), np.nan)
-    state = FlightState(
-        center, momentum / flight.mass, rot, H, omega, F, T, unknown, unknown,
-        white[:, :6], f.nis, f.log_likelihood, reference, white[:, gauged:], x[-1, biases],
-        np.full(white.shape[1] - gauged, np.nan), none if sensors is None else sensors.steady_in(x[-1]),
-        modes=modes, gauge_innovation=white[:, deformed:gauged], path=(f, x),
+    sensors, unknown = flight.sensors, np.full((len(x), 6, 6), np.nan)
+    steady = np.zeros(0) if sensors is None else sensors.steady_in(x[-1])
+    bias = x[-1, end : end + white.shape[1] - gauged]
+    return FlightState(
+        center, momentum / flight.mass, rot, H, omega, F, T, unknown, unknown, white[:, :6], f.nis,
+        f.log_likelihood, reference, white[:, gauged:], bias, 0 * bias, steady, 0 * steady, modes,
+        gauge_innovation=white[:, deformed:gauged],
     )  # fmt: skip
-    if P is None:
-        return state
-    read_wrench, read_pose = np.zeros((len(x), 6, x.shape[1])), np.zeros((6, x.shape[1]))
-    read_wrench[:, 3:, n : n + reference.chain.shape[1]] = reference.moment.rows
-    read_pose[3:, n : n + 3] = np.eye(3)
+
+
+def with_covariances(
+    flight: Flight, state: FlightState, P: Array, force: LoadPrior | None, moment: LoadPrior
+) -> FlightState:
+    """A state with what covariances P (time, state, state) of what it was read from say of it."""
+    n, about = states_of(force), state.reference
+    assert about is not None
+    end = n + about.chain.shape[1]
+    read_wrench, read_pose = np.zeros((len(P), 6, P.shape[-1])), np.zeros((6, P.shape[-1]))
+    read_wrench[:, 3:, n:end], read_pose[3:, n : n + 3] = about.moment.rows, np.eye(3)
     if force is not None:
         read_wrench[:, :3, :n], read_pose[:3, :3] = force.rows, force.axes
-    for part, prior, load in ((slice(0, 3), force, F), (slice(3, 6), moment, T)):
+    for part, prior, load in ((slice(0, 3), force, state.force), (slice(3, 6), moment, state.moment)):
         if prior is not None and prior.body_axes is not None:  # turned by what the rotation is off
             read_wrench[:, part, n : n + 3] = -skew(load)
-    std, modal_cov = np.sqrt(np.maximum(np.diagonal(P[-1]), 0.0)), None
-    if moving is not None:
+    modal_cov = None
+    if flight.modes is not None:
+        chains = np.arange(end, end + flight.modes.own).reshape(-1, flight.modes.prior.states)
+        moving = chains[:, : len(ModeState)].ravel()
         modal_cov = np.concatenate([read_wrench @ P[:, :, moving], P[:, moving[:, None], moving]], 1)
+        end += flight.modes.path.shape[1] + state.gauge_innovation.shape[1]
+    std, sensors = np.sqrt(np.maximum(np.diagonal(P[-1]), 0.0)), flight.sensors
     return replace(
         state, wrench_cov=read_wrench @ P @ read_wrench.mT, pose_cov=read_pose @ P @ read_pose.T,
-        bias_std=std[biases], steady_std=none if sensors is None else sensors.steady_in(std),
-        modal_cov=modal_cov, path=None,
+        bias_std=std[end : end + len(state.bias)], modal_cov=modal_cov, path=None,
+        steady_std=state.steady_std if sensors is None else sensors.steady_in(std),
     )  # fmt: skip
 
 

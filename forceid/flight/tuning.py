@@ -39,7 +39,6 @@ DOUBT = (
     PATIENCE  # of a log-likelihood: by as much a spectrum may err between two orders, short records the most
 )
 AT_LIMIT = 0.05  # of a logarithm: a noise this near to the least allowed would be smaller
-PACES = (0.5, 1.0, 2.0)  # rates that an order is tried at, over that of a load as long as the one before
 PROBE = 0.02  # of a logarithm: over which a likelihood is differenced; a hundredth of its top's width
 LEAK = 0.01  # of the load on the strongest axis
 
@@ -118,21 +117,10 @@ def tune_loads(
         points, levels = seen.starts(order, shared, same)
         points = np.concatenate([points, np.reshape(more, (-1, axes, 2))])
         levels = np.concatenate([levels, np.tile(levels[:1], (len(more), 1))])
-        return best_of(points, levels, order, np.eye(axes, dtype=bool) if np.array_equal(*shared) else same)
-
-    def best_of(points: Array, levels: Array, order: int, same: Flags) -> tuple[Array, Array]:
-        """The likeliest of points (try, axis, 2) and levels (try, axis), of axes that are the `same` at once."""
         value = objective(points[:, :, None], levels, order)[..., 0]
-        which = (np.nan_to_num(value, nan=WORST, neginf=WORST) @ same).argmax(0)
+        alone = np.eye(axes, dtype=bool) if np.array_equal(*shared) else same
+        which = (np.nan_to_num(value, nan=WORST, neginf=WORST) @ alone).argmax(0)
         return points[which, np.arange(axes)], levels[which, np.arange(axes)]
-
-    def as_before(order: int, last: int) -> tuple[Array, Array]:
-        """Where the search of an order begins behind that of another: about as large and as long a load."""
-        std, rate = natural(found[last][0], last)
-        alike = rate * np.sqrt((2 * order - 1) / (2 * last - 1))  # of one length: sqrt(2 order - 1) / rate
-        tried = [points_of(Matern(order, std, alike * by)) for by in PACES]
-        points = np.clip(tried, *box(order))
-        return best_of(points, np.tile(level, (len(points), 1)), order, np.eye(axes, dtype=bool))
 
     def pays_apart(order: int) -> Callable[[Peak], bool]:
         def pays(peak: Peak) -> bool:
@@ -168,12 +156,10 @@ def tune_loads(
     found: dict[int, Peak] = {}
     worse = 0
     for order in sorted(orders, reverse=True):  # down from the smoothest, as long as roughness pays
-        last = next(reversed(found), None)
         if seen is not None and near is None:
-            before = () if last is None else (np.clip(seen.alike(found[last][0], last, order), *box(order)),)
+            # or as the order before
+            before = [np.clip(seen.alike(found[last][0], last, order), *box(order)) for last in [*found][-1:]]
             first = likeliest(order, (level, level), together, *before)
-        elif near is None and last is not None:
-            first = as_before(order, last)
         found[order] = search(order, (level, level), together, first)
         pays = found[order][2].sum() > max(value.sum() for _, _, value in found.values()) - NUMBER
         worse = 0 if pays else worse + (order <= FREE)

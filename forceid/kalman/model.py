@@ -99,6 +99,11 @@ class Filtered:
         """Covariance before each sample, (time, state, state)."""
         return expand(self.gains.P_pred, self.gains.start, self.gains.time)
 
+    def for_smoother(self) -> Filtered:
+        """What of it the smoother's covariances need, which is less than half."""
+        g = self.gains
+        return replace(self, gains=replace(g, P_pred=g.P_pred[:0], K=g.K[:0], W=g.W[:0]))
+
     @property
     def x_pred(self) -> Array:
         """State before each sample, (time, state)."""
