@@ -334,12 +334,14 @@ def linear_flight(
     """The whole flight as a linear model about a reference, and what it measures (time, channel).
 
     Channels: mass center, rotation error, what frames tell of the modes beside, and the sensors with what is
-    constant about the reference removed. force: None for the rotation by itself. halves: of the mass center, and of the rotation about the reference,
-    read: what the sensors read about it, where these are known; over: one that such a call has returned of
-    sensors, which is written over: what a search tries and drops takes no memory of its own.
+    constant about the reference removed. force: None for the rotation by itself. halves: of the mass center,
+    and of the rotation about the reference, read: what the sensors read about it, where these are known;
+    over: one that such a call has returned of sensors, which is written over: what a search tries and drops
+    takes no memory of its own.
     """
     if force is None:
-        return flight.colored(rotation_model(flight, moment, reference), ROTATION), error_angle(flight, reference)
+        alone = flight.colored(rotation_model(flight, moment, reference), ROTATION)
+        return alone, error_angle(flight, reference)
     flight = flexed(flight, reference)
     if halves is None:
         halves = translation(flight, force, reference.rotation), rotation_model(flight, moment, reference)

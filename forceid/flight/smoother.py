@@ -52,8 +52,8 @@ class FlightState:
     where not in doubt; modes (time, state): chains of the modes of the body and weights of what follows them,
     modal_cov (time, 6 + 3 mode, 3 mode): of the wrench, and of amplitude, rate and load of each, with these;
     gauge_innovation (time, gauge) whitened, of the strain gauges used; given (time, 6): what force and moment
-    have given so far, where one has edges between samples, which its samples do not tell. path: what the filter
-    knows, and states given all samples, where covariances, which take most of the work, are NaN as yet.
+    have given so far, where one has edges between samples, which its samples do not tell. path: what the
+    filter knows, and states given all samples, where covariances, most of the work, are NaN as yet.
     """
 
     center: Array
@@ -184,8 +184,7 @@ def settled(
     engine: Engine,
     first: Reference | None = None,
 ) -> tuple[Filtered, Array, Reference, Reference]:
-    """The flight linearized where it comes to rest, filtered, its states given all samples, that reference, and
-    where it leads.
+    """The flight filtered where it comes to rest, its states given all, the reference, and where it leads.
 
     first: a reference near to it, if one is known. Raises EstimationError when it does not come to rest.
     Where sensors alone tell the rotation a step that leaves more to correct than there was is halved (the
@@ -336,8 +335,9 @@ def with_translation(state: FlightState, free: FlightState) -> FlightState:
 def read_state(
     flight: Flight, reference: Reference, x: Array, f: Filtered, force: LoadPrior | None, moment: LoadPrior
 ) -> FlightState:
-    """The physical quantities in states x (time, state), of which those of the moment stand behind those of the
-    force; no covariances. f: what the filter knows.
+    """The physical quantities in states x (time, state), without covariances; f: what the filter knows.
+
+    The states of the moment stand behind those of the force.
     """
     flight, n = flexed(flight, reference), states_of(force)
     rot = turned(x[:, n : n + 3], reference.rotation)

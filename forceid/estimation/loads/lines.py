@@ -185,7 +185,10 @@ def widened_by_ringing(
 def hidden_variance(
     flight: Flight, state: FlightState, prior: LoadPrior, first: int, line: Line, engine: Engine
 ) -> dict[int, Array]:
-    """Variance (time,) along each world axis that an unseen oscillation leaves to a load without it."""
+    """Variance (time,) along each world axis that an unseen oscillation leaves to a load without it.
+
+    Of what the smoother misses of it: the prior by itself follows what is slow.
+    """
     if not (left := axes_left(line.frequency, prior.lines, flight.time)):
         return {}
     about = state.reference
@@ -196,9 +199,13 @@ def hidden_variance(
     filtered = engine.filter(model, z)
     white = whiten(model, filtered, signal.reshape(*signal.shape[:2], -1)).reshape(signal.shape)
     phase = np.exp(root[0] * (flight.time - flight.time[0]))
-    load = np.stack([phase.real, -phase.imag], 1)
+    rest = replace(model, x0=0 * model.x0, u=None)
+    seen = np.where(np.isfinite(z)[:, None], np.moveaxis(signal, 1, -1).reshape(len(z), 6, -1), np.nan)
+    x = engine.filter_and_smooth_states(rest, seen)[1][..., : prior.states]
+    followed = (x @ prior.rows_along(carrier).mT).reshape(len(z), 3, 2, 3)
     own, found = np.nan_to_num(filtered.innovation), {}
     for axis in left:
+        load = np.stack([phase.real, -phase.imag], 1) - followed[:, axis, :, axis]
         told = np.einsum("tci,tcj->ij", white[:, :, axis], white[:, :, axis])
         shown = np.einsum("tci,tc->i", white[:, :, axis], own)
         found[axis] = of_open_size(load, told, shown)

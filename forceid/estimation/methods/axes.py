@@ -134,7 +134,7 @@ def along_body(problem: Problem, load: str) -> BodyAxes | None:
 def is_quiet(problem: Problem, load: str) -> bool:
     """Whether no load was found along the axes of the world: one that turns has to be found as well."""
     claimed = np.nanmean(np.diagonal(problem.state.wrench_cov, axis1=1, axis2=2)[:, LOADS[load]], axis=0)
-    return bool((problem.priors[load].kernel.std**2).max() < claimed.min())
+    return bool((problem.priors[load].kernel.std ** 2).max() < claimed.min())
 
 
 def moved_by(problem: Problem, load: str, prior: LoadPrior) -> Array:

@@ -165,9 +165,7 @@ class Problem:
         """The problem with more findings of this pass."""
         return replace(self, notes=(*self.notes, *findings))
 
-    def smoothed(
-        self, flight: Flight, first: Reference | None = None, claimed: bool = False
-    ) -> FlightState:
+    def smoothed(self, flight: Flight, first: Reference | None = None, claimed: bool = False) -> FlightState:
         """The state of a flight under the priors of its loads; first: a reference near to it, if known.
 
         claimed: whether covariances are asked for, which most stages need not.

@@ -174,5 +174,5 @@ def test_sensors_alone_take_no_known_load():
             Recording(body, gyro), load_settings(known_load=[{"name": "a", "force": (1, 0, 0)}])
         )
     stored = KnownLoads(gyro.time, ("a",), np.zeros((50, 1, 3)))
-    with pytest.raises(DataError, match="/load_known.* shows where the body is"):
+    with pytest.raises(DataError, match=r"/load_known.* shows where the body is"):
         estimate_recording(Recording(body, gyro, known_loads=stored), load_settings())

@@ -5,11 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flight.flights import drawn_flight, prior
 
 from forceid.config import load_settings
-from forceid.estimation.loads.lines import of_open_size
+from forceid.estimation.loads.lines import hidden_variance, of_open_size
 from forceid.estimation.run import estimate_recording
 from forceid.files.stored.hdf5 import read_motion
+from forceid.flight.priors.lines import Line
+from forceid.flight.smoother import smooth_flight
+from forceid.kalman.engines import engine
 
 FRISBEE = Path(__file__).parents[4] / "data" / "synthetic" / "frisbee.h5"
 
@@ -28,6 +32,21 @@ def test_claims_hold_oscillations_of_sizes_from_next_to_none_to_ten_times_the_no
     assert 0.6 < np.mean(ratio) < 1.5
     large = of_open_size(load, told, 1e4 * told @ [1.0, 1.0])
     np.testing.assert_allclose(large, (1e4 * load.sum(1)) ** 2, rtol=0.05, atol=1e6)
+
+
+def test_an_oscillation_that_the_prior_follows_leaves_less_than_is_claimed_and_a_faster_one_more():
+    force, moment = prior(std=1.0, rate=20.0), prior(std=0.05, rate=30.0)
+    flight, _ = drawn_flight(force, moment, np.random.default_rng(8), count=400)
+    state = smooth_flight(flight, force, moment, engine())
+    claim = np.diagonal(state.wrench_cov[:, :3, :3], axis1=1, axis2=2).mean(0)
+
+    def left(frequency):
+        line = Line(frequency, 0.0, 1.0, np.array([1.0, 0.0, 0.0]), driven=False)
+        each = hidden_variance(flight, state, force, 0, line, engine()).values()
+        return np.stack([*each], 1)[50:-50].mean(0)
+
+    assert (left(1.0) < 0.1 * claim).all()
+    assert left(40.0).sum() > claim.sum()  # the noise hides more there than the prior expects
 
 
 @pytest.mark.long
