@@ -87,6 +87,7 @@ def fly_again(estimate: Estimate, name: str = "the result") -> Simulated:
 
 def course(t: Array, values: Array, estimate: Estimate) -> PPoly:
     """Values (time, 3) between samples: cubic, or straight where loads come in pieces."""
+    values = finite(values)
     if estimate.impulses is None:
         return CubicSpline(t, values)
     spline = make_interp_spline(t, values, 1)
@@ -102,9 +103,14 @@ def start_line(t: Array, left: Array, std: Array, seen: Flags) -> Array:
 
 def fitted(A: Array, b: Array) -> Array:
     """Least squares of A x = b; EstimationError where these are no numbers."""
-    if not (np.isfinite(A).all() and np.isfinite(b).all()):
+    return np.asarray(np.linalg.lstsq(finite(A), finite(b), rcond=None)[0], float)
+
+
+def finite(values: Array) -> Array:
+    """The values; EstimationError where some are beyond what numbers hold."""
+    if not np.isfinite(values).all():
         raise EstimationError("is too far off to be flown again", "the load", "look for values far off")
-    return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0], float)
+    return values
 
 
 def turned_best(t: Array, H: PPoly, estimate: Estimate, std: Array) -> tuple[Array, Array]:

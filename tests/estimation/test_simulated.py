@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.cli.app import main
 from forceid.config import load_settings
-from forceid.errors import DataError
+from forceid.errors import DataError, EstimationError
 from forceid.estimation import fly_again, recording_of
 from forceid.estimation.run import estimate_recording
 from forceid.files import is_result, read_motion, write_result
@@ -74,6 +74,8 @@ def test_what_shows_no_pose_or_another_point_is_refused(tmp_path):
         fly_again(replace(e, flown=None))
     with pytest.raises(DataError, match="expected the mass center"):
         fly_again(replace(e, moment_about="n1"))
+    with pytest.raises(EstimationError, match="too far off to be flown again"):
+        fly_again(replace(e, force=zeros + 1e308, mass=0.1))
 
 
 def test_the_command_writes_the_motion_that_a_result_produces(tmp_path, capsys):

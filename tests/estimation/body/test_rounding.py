@@ -31,6 +31,8 @@ def test_no_grid_is_seen_in_what_was_not_rounded_nor_in_what_rests_on_one():
         assert grid_step(x) == 0.0
         x[..., 2] = 0.25
         assert grid_step(x) == 0.0
+        x[:2, 0] = [[0.0], [5e-324]]  # the least difference that two numbers have
+        assert grid_step(x) == 0.0
 
 
 def test_a_noise_stated_below_the_rounding_is_counted_with_it():

@@ -40,6 +40,8 @@ def fitted_step(values: Array, part: int) -> float:
     """The step of the grid that sorted values are on, about a part of their least distance; zero for none."""
     off = values - values[0]
     step, reach = float(np.diff(values).min()) / part, 10.0
+    if not step > np.finfo(float).eps * off[-1]:  # nearer to each other than numbers of this size can be
+        return 0.0
     while True:  # what is farther away tells it to more digits
         near = off[off <= reach * step]
         count = np.rint(near / step)
