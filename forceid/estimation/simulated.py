@@ -72,7 +72,9 @@ def fly_again(estimate: Estimate, name: str = "the result") -> Simulated:
     if flown.current_mass is not None:  # all loads by the share of the mass, as of one that does not change
         force, moment = (load * (estimate.mass / flown.current_mass)[:, None] for load in (force, moment))
     std = np.sqrt(np.diagonal(flown.pose_cov, axis1=1, axis2=2))
-    pushed = course(t, force / estimate.mass + estimate.gravity, estimate).antiderivative(2)(t)
+    with np.errstate(over="ignore"):  # of a damaged result: `course` says so
+        acceleration = force / estimate.mass + estimate.gravity
+    pushed = course(t, acceleration, estimate).antiderivative(2)(t)
     seen: Flags = np.asarray(np.isfinite(flown.center).all(1))
     center = np.asarray(pushed + start_line(t, flown.center - pushed, std[:, 0], seen))
     off = np.full((len(t), 6), np.nan)
