@@ -211,6 +211,11 @@ def test_c3d_markers_are_those_that_were_written(tmp_path, position):
     assert np.allclose(np.diff(markers.time), 0.01)
     ((_, recording),) = import_sources([tmp_path / "a.c3d"], settings())
     assert recording.body.node == ("upper", "lower")
+    whole = (tmp_path / "a.c3d").read_bytes()
+    head, used = whole[:2] + b"\0\0" + whole[4:], whole.index(b"USED") + 8  # damaged: no markers are counted
+    assert whole[used] == len(NAMES)
+    (tmp_path / "b.c3d").write_bytes(head[:used] + b"\0" + head[used + 1 :])
+    assert len(read_c3d(tmp_path / "b.c3d").name) == read_c3d(tmp_path / "b.c3d").position.shape[1]
     (tmp_path / "b.c3d").write_text("not a capture")
     with pytest.raises(DataError, match=r"b\.c3d is not a C3D file"):
         read_c3d(tmp_path / "b.c3d")

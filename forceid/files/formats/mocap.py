@@ -88,8 +88,9 @@ def read_c3d(path: str | Path) -> Capture:
     except (OSError, RuntimeError, ValueError) as e:
         raise DataError(f"is not a C3D file ({e})", str(path), "export the markers again") from e
     point = c3d["parameters"]["POINT"]
-    names = tuple(str(name) for name in point["LABELS"]["value"])
-    data = np.asarray(c3d["data"]["points"], float)[:3].transpose(2, 1, 0)[:, : len(names)]
+    data = np.asarray(c3d["data"]["points"], float)[:3].transpose(2, 1, 0)
+    names = tuple(str(name) for name in point["LABELS"]["value"])[: data.shape[1]]  # others have no track
+    data = data[:, : len(names)]
     lost = np.asarray(c3d["data"]["meta_points"]["residuals"])[0].T[:, : len(names)] < 0
     factor = si_factor(str(first_of(point, "UNITS", path)), "m", f"{path}:POINT:UNITS")
     frame = np.arange(len(data)) + c3d["header"]["points"]["first_frame"]
