@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-COLD = 2.0  # s: a first run that is shorter may be mostly imports, and is run again
+COLD = 10.0  # s: of a first run that is shorter, imports are more than a tenth, and it is run again
 REPEATED = 0.03  # s: a run that is shorter is timed once more, in repetitions
 ENOUGH = 0.01  # s: so long repetitions last
 
