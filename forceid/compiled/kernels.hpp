@@ -60,7 +60,7 @@ struct Lags {
 
 // kalman/steps.hpp
 struct Steps {
-  Two (*discretized)(Array A, Array Qc, Array step);
+  Two (*discretized)(Array A, Array Qc, Array step, Index process);
 };
 
 // kalman/whitening.hpp

@@ -65,20 +65,25 @@ INLINE void multiply(const Lanes *a, const Lanes *b, Lanes *c, int n) {
   }
 }
 
-// A and Qc (process, n, n), step (process,) -> F and Q (process, n, n)
-Two discretized(Array A_, Array Qc_, Array step_) {
-  const Size count = A_.shape(0);
+// A and Qc (process, n, n); of each step (step,): its process (step,) -> F and Q (step, n, n)
+Two discretized(Array A_, Array Qc_, Array step_, Index process_) {
+  const Size count = step_.shape(0);
   const int n = static_cast<int>(A_.shape(1)), nn = n * n;
   Out F_({count, n, n}), Q_({count, n, n});
   Buffer balanced(nn), work(nn);
   Fleet A(nn), F(nn), Q(nn), dF(nn), dQ(nn), half(nn), turned(nn);
+  Buffer rate(A_.shape(0));
+  for (std::size_t k = 0; k < rate.size(); ++k) {
+    balanced.assign(A_.data() + k * nn, A_.data() + (k + 1) * nn);
+    rate[k] = fastest(balanced.data(), work.data(), n);
+  }
   for (Size first = 0; first < count; first += LANES) {
     int doublings[LANES], most = 0;
     for (int l = 0; l < LANES; ++l) {
       const Size at = std::min(first + l, count - 1);
-      const double *a = A_.data() + at * nn, *q = Qc_.data() + at * nn, step = step_.data()[at];
-      balanced.assign(a, a + nn);
-      const double turn = fastest(balanced.data(), work.data(), n) * step / SHORT;
+      const Size k = process_.data()[at];
+      const double *a = A_.data() + k * nn, *q = Qc_.data() + k * nn, step = step_.data()[at];
+      const double turn = rate[k] * step / SHORT;
       doublings[l] = turn > 1.0 ? static_cast<int>(std::ceil(std::log2(turn))) : 0;
       most = std::max(most, doublings[l]);
       const double h = std::ldexp(step, -doublings[l]);

@@ -9,17 +9,21 @@ from forceid.flight.whittle import ordinates
 from forceid.kalman.engines import engine
 
 
-def drawn(seed):
-    """A record of two or three axes, of an order, rates, sizes and a noise at random; and that noise."""
+def drawn(seed, jitter=0.0):
+    """A record of two or three axes, of an order, rates, sizes and a noise at random; and that noise.
+
+    jitter: of the clock, in steps: each sample is up to as much early or late.
+    """
     rng = np.random.default_rng(seed)
     order, samples, axes = int(rng.choice([1, 2, 3, 4])), int(rng.choice([200, 400])), int(rng.choice([2, 3]))
     std, rate = np.exp(rng.uniform(-1, 2, axes)), np.exp(rng.uniform(2.3, 4.3, axes))
     noise = 3e-4 * float(np.exp(rng.uniform(-2, 1)))
+    time = STEP * (np.arange(samples) + rng.uniform(-jitter, jitter, samples))
     each = [
-        driven_channel(order, s, r, 10 * seed + i, samples, noise)
+        driven_channel(order, s, r, 10 * seed + i, samples, noise, np.diff(time))
         for i, (s, r) in enumerate(zip(std, rate, strict=True))
     ]
-    return np.arange(samples) * STEP, np.stack(each, 1), noise
+    return time, np.stack(each, 1), noise
 
 
 def sighted(time, z, noise):
@@ -33,11 +37,12 @@ def sighted(time, z, noise):
     return first_sight(time, z, channels, (0.0, 0.0))
 
 
+@pytest.mark.parametrize("jitter", [0.0, 0.4])
 @pytest.mark.parametrize("stated", [True, False])
 @pytest.mark.parametrize("seed", range(8))
-def test_a_search_from_the_spectrum_ends_where_one_from_a_full_grid_does(seed, stated, monkeypatch):
+def test_a_search_from_the_spectrum_ends_where_one_from_a_full_grid_does(seed, stated, jitter, monkeypatch):
     """In the same order, and at a likelihood that is no worse by a tenth."""
-    time, z, noise = drawn(seed)
+    time, z, noise = drawn(seed, jitter)
     var, still = np.full(z.shape, (noise if stated else 2 * noise) ** 2), np.zeros(z.shape[1])
     limits = (1.0, 1.0) if stated else (0.02, 3.0)
     found = tune_loads(time, z, GAIN, var, still, limits)

@@ -13,11 +13,11 @@ from forceid.significance import PATIENCE
 GAIN, STEP, NOISE = 10.0, 0.004, 3e-4
 
 
-def driven_channel(order, std, rate, seed, time=400, noise=NOISE):
+def driven_channel(order, std, rate, seed, time=400, noise=NOISE, step=STEP):
     """Position of a 0.1 kg mass under a force with a Matern prior and no mean, measured with noise."""
     chain = load_chain(matern(order, std, rate), Start(second=1e-4, first=1e-2, mean=1e-12))
-    F, Q = discretize(chain, STEP)
-    start = np.zeros(len(F))
+    F, Q = discretize(chain, step)
+    start = np.zeros(F.shape[-1])
     model = StateSpace(F, Q, GAIN * chain.output[None], np.array([[noise**2]]), start, chain.P0)
     return draw(model, time, np.random.default_rng(seed))[1][:, 0]
 

@@ -17,11 +17,11 @@ from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
 from forceid.flight.spectral_start import ENOUGH_SAMPLES, FIRST_ORDER, WHITENINGS
 from forceid.flight.tuning import LEAK, ORDERS, in_doubt, natural, points_of, smoothest
-from forceid.flight.whittle import Spectrum, ordinates
+from forceid.flight.whittle import Spectrum, is_even, ordinates
 from forceid.kalman.building.lines import Line
 from forceid.kalman.engines import Engine
 from forceid.records import Array, Flags
-from forceid.significance import OUTLIER, PATIENCE, TENTH
+from forceid.significance import OUTLIER, PATIENCE
 
 FAINT = 1e-3  # of the load along the strongest axis: an axis that shows less begins the search with as much
 
@@ -76,10 +76,9 @@ class BodySearch:
 
     @property
     def even(self) -> bool:
-        """Whether the channel has ordinates: enough samples, on a regular clock."""
-        step = np.diff(on_clock(self.channel.time)[0])
+        """Whether the channel has ordinates: enough samples, on a clock that is about even."""
         enough = np.isfinite(self.channel.z).all(1).sum() >= ENOUGH_SAMPLES
-        return bool(enough and np.ptp(step) < TENTH * step.min())
+        return bool(enough and is_even(on_clock(self.channel.time)[0]))
 
     def under(self, kernel: Matern) -> LoadPrior:
         """The prior with a kernel."""
@@ -144,7 +143,7 @@ class BodySearch:
         ticks, v = on_clock(clock, np.einsum("tba,tb->ta", along, filtered.innovation))
         seen: Flags = np.asarray(np.isfinite(v).all(1))
         v = np.where(seen[:, None], np.clip(v, -OUTLIER, OUTLIER), 0.0).T
-        at = ordinates(len(ticks), float(np.median(np.diff(ticks))), channel.color)
+        at = ordinates(len(ticks), float(np.ptp(ticks)) / (len(ticks) - 1), channel.color)
         power = np.add.reduceat(np.abs(np.fft.rfft(v)[:, 1:-1]) ** 2 / seen.sum(), at.first, axis=1)
         turning, w = self.prior.turning(clock, self.rotation), at.w[0]
         known = np.isfinite(channel.z).all(1)

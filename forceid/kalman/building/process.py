@@ -178,9 +178,13 @@ def discretize(process: Diffusion, step: ArrayLike) -> tuple[Array, Array]:
     """
     h = np.asarray(step, float)[..., None, None]
     if compiled is not None and not np.iscomplexobj(process.A) and not np.iscomplexobj(process.Qc):
-        A, Qc, h = np.broadcast_arrays(process.A, process.Qc, h)
-        many = compiled.discretized(*(a.reshape(-1, *A.shape[-2:]) for a in (A, Qc)), h[..., 0, 0].ravel())
-        return many[0].reshape(A.shape), many[1].reshape(A.shape)
+        A, Qc = np.broadcast_arrays(process.A, process.Qc)
+        kind = np.arange(A[..., 0, 0].size).reshape(A.shape[:-2])
+        kind, steps = np.broadcast_arrays(kind, h[..., 0, 0])
+        many = compiled.discretized(
+            *(a.reshape(-1, *A.shape[-2:]) for a in (A, Qc)), steps.ravel(), kind.ravel()
+        )
+        return many[0].reshape(*kind.shape, *A.shape[-2:]), many[1].reshape(*kind.shape, *A.shape[-2:])
     turn = np.abs(np.linalg.eigvals(process.A.real)).max(-1)[..., None, None] * h
     doublings = np.ceil(np.log2(np.maximum(8 * turn, 1.0)))
     A, Qc, h = np.broadcast_arrays(process.A, process.Qc, h / 2**doublings)
