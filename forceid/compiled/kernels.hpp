@@ -10,7 +10,7 @@
 using Two = std::tuple<Out, Out>;
 using Three = std::tuple<Out, Out, Out>;
 using Four = std::tuple<Out, Out, Out, Out>;
-using Poses = std::tuple<Out, Out, Out, Out, Out, Out>;
+using Poses = std::tuple<Out, Out, Out, Out, Out>;
 using Runs = std::tuple<Tensor<Size>, Out, Out, Out, Out, Size>;
 using Later = std::tuple<Tensor<Size>, Out, Size>;
 using Followed = std::tuple<Out, Out, Out, Out, Out, Out, double>;
@@ -44,7 +44,7 @@ struct Flights {
 // principal/folded.hpp, motion/poses.hpp and kabsch.hpp, pseudorigid/polar.hpp and splitting.hpp
 struct Bodies {
   void (*sums)(Array A, Array W, Out out);
-  Poses (*fitted)(Array position, Index frames, Index nodes, Array shape, Array weight, Array A, Array C, Array V);
+  Poses (*fitted)(Array position, Index frames, Index nodes, Array shape, Array weight, Array A, Array C);
   Three (*turned)(Array position, Array shape, Array weight);
   Three (*polar)(Array F);
   Four (*bipolar)(Array F);

@@ -162,7 +162,7 @@ def identify_modes(recording: Recording, settings: Settings) -> IdentifiedModes:
             "shows no rotation and modes", "/motion/position", "mark three points off a line, and more"
         )
     sigma, shapes = markers.noise_std, markers.modes.shape
-    q, var = fit_amplitudes(markers.residual, shapes, summation_operator(markers.shape), sigma**2)
+    q, var = fit_amplitudes(markers.residual, shapes, summation_operator(markers.shape), markers.white)
     found: list[Finding] = []
     swings: list[FreeSwing | None] = []
     for k in range(len(shapes)):

@@ -39,6 +39,7 @@ from forceid.motion.pose import pose_rank as pose_rank
 from forceid.motion.pose import seen_together as seen_together
 from forceid.motion.products import Products as Products
 from forceid.motion.products import inertia_products as inertia_products
+from forceid.motion.reading_cov import ReadingCov as ReadingCov
 from forceid.motion.smoothing_spline import SmoothingSpline as SmoothingSpline
 from forceid.motion.window import ORDER as ORDER
 from forceid.motion.window import Window as Window

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from forceid.motion.pose import body_axes, exp, fitted, frame_fit, frames_seen_alike, pose_gain
+from forceid.motion.pose import PoseGain, body_axes, exp, fitted, frame_fit, frames_seen_alike, pose_gain
+from forceid.motion.reading_cov import ReadingCov
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
 from forceid.rounding import SOLVED
@@ -51,24 +52,24 @@ def fit_pose(
     position: Array,
     shape: Array,
     weight: Array,
-    cov: Array,
+    cov: Array | ReadingCov,
     own: Array | None = None,
     uneven: Array | None = None,
 ) -> Pose:
     """Pose of every frame by generalized least squares from the markers seen in it.
 
     position (time, node, 3), NaN = not seen; shape (node, 3) about the mass center; weight (node,) of the
-    rotation fit that it starts from; cov (3 node, 3 node), body axes: of marker noise, plus of the
-    deformation, if there is one. With the deformation in the mass gauge in `cov`, a marker lost biases
+    rotation fit that it starts from; cov, or a matrix of it (3 node, 3 node), body axes: of marker noise,
+    plus of the deformation, if there is one. With the deformation in the mass gauge in `cov`, a marker lost biases
     neither center nor rotation. own (time, node) m2: variance that single readings have beside.
     uneven (3, 3) m2: covariance of the noise of every marker beside, world axes; it moves no weight of the
     fit, and is in the covariance of the pose. Source: principal equations 2.5, 4b.
     """
-    T = len(position)
+    T, cov = len(position), ReadingCov.of(cov)
     center, R, cov6 = np.full((T, 3), np.nan), np.full((T, 3, 3), np.nan), np.full((T, 6, 6), np.nan)
     out = Pose(center, R, cov6, np.full_like(position, np.nan), np.full(T, np.nan), np.zeros(T))
     for pattern, more, at in frames_seen_alike(position, own):
-        fit = frame_fit(shape, weight, pattern, cov + more)
+        fit = frame_fit(shape, weight, pattern, cov, more)
         if fit is None:
             continue
         found = fitted(fit, position, at)
@@ -89,7 +90,7 @@ def poses_about(
     position: Array,
     shape: Array,
     weight: Array,
-    cov: Array,
+    cov: Array | ReadingCov,
     path: tuple[Array, Array],
     uneven: Array | None = None,
 ) -> Pose:
@@ -99,7 +100,7 @@ def poses_about(
     markers are linear in their errors, however far these turn the pose of a frame. The rest as of `fit_pose`;
     what is left of the markers stays. Source: the smoother of Bell, SIAM J. Optim. 4 (1994) 626.
     """
-    center, R, C = pose.center.copy(), pose.rotation.copy(), pose.cov.copy()
+    center, R, C, cov = pose.center.copy(), pose.rotation.copy(), pose.cov.copy(), ReadingCov.of(cov)
     for pattern, _, at in frames_seen_alike(position):
         fit = frame_fit(shape, weight, pattern, cov)
         if fit is None:
@@ -141,27 +142,27 @@ def fit_frames(
     pose: Pose,
     shape: Array,
     shapes: Array,
-    cov: Array,
+    cov: Array | ReadingCov,
     own: Array | None = None,
     uneven: Array | None = None,
 ) -> Frames:
     """The pose and the further numbers of every frame, from markers near a pose.
 
     position (time, node, 3), NaN = not seen; shape (node, 3) about the mass center; shapes (mode, node, 3);
-    cov (3 node, 3 node), body axes: of marker noise and of what deforms beside the shapes; own (time, node):
-    variance of single readings beside; uneven as for `fit_pose`. Generalized least squares: what the fit of
+    cov as for `fit_pose`: of marker noise and of what deforms beside the shapes; own (time, node): variance of
+    single readings beside; uneven as for `fit_pose`. Generalized least squares: what the fit of
     the pose leaves is independent of it, and shows the amplitudes with the information Phi^T (V^-1 - V^-1 S C
     S^T V^-1) Phi, whose square root the rows are. So nothing is lost where markers show less than m
     amplitudes, or none. Source: principal equations 4b, 4d.
     """
-    T, m = len(position), len(shapes)
+    T, m, cov = len(position), len(shapes), ReadingCov.of(cov)
     center, R = pose.center.copy(), pose.rotation.copy()
     flat, S = shapes.reshape(m, -1).T, summation_operator(shape)
     leak, rows, observed = np.zeros((T, 6, m)), np.zeros((T, m, m)), np.full((T, m), np.nan)
     out = np.full((T, 6, 6), np.nan)
     for pattern, more, frames in frames_seen_alike(position, own):
         at = frames[np.isfinite(center[frames]).all(1)]
-        gain = pose_gain(S, pattern, cov + more) if len(at) else None
+        gain = pose_gain(S, pattern, cov, more) if len(at) else None
         if gain is None:
             continue
         K, C, _ = gain
@@ -197,16 +198,16 @@ def through_fit(gain: Array, rotation: Array, noise_cov: Array) -> Array:
     return np.asarray(turn @ body @ turn.swapaxes(1, 2))
 
 
-def beyond_pose(gain: tuple[Array, Array, Array], flat: Array, S: Array) -> tuple[Array, Array, Array]:
+def beyond_pose(gain: PoseGain, flat: Array, S: Array) -> tuple[Array, Array, Array]:
     """Leak (6, mode) of amplitudes q into a pose, rows (shown, mode), and what reads rows q (channel, shown).
 
     gain as of `pose_gain`; flat (channel, mode) shapes and S (channel, 6) rigid motions, as markers see them.
     A residual behind the fit of the pose, times what reads, is rows q with noise of unit variance.
     """
-    K, _, V_inv = gain
-    leak, weighed = K @ flat, flat.T @ V_inv
-    information = weighed @ (flat - S @ leak)
+    K, _, noise = gain
+    leak, unit = K @ flat, noise.whitened(flat.T)
+    information = unit @ noise.whitened((flat - S @ leak).T).T
     size, axes = np.linalg.eigh(0.5 * (information + information.T))
     known = size > SOLVED * size.max(initial=0.0)
     root = np.sqrt(size[known])
-    return leak, (axes[:, known] * root).T, weighed.T @ (axes[:, known] / root)
+    return leak, (axes[:, known] * root).T, noise.whitened(unit).T @ (axes[:, known] / root)

@@ -9,11 +9,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from forceid.compiled import engine as compiled
+from forceid.motion.reading_cov import ReadingCov
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags, Indices
 from forceid.rounding import ITERATIONS, SINGLE
 from forceid.significance import THOUSANDTH
 
+PoseGain = tuple[Array, Array, ReadingCov]  # gain (6, channel), covariance (6, 6), that of the channels
 ONLY = np.zeros(1, np.intp)  # the frame in a stack of one
 
 
@@ -54,21 +56,21 @@ def fit_rotation_in_numpy(position: Array, shape: Array, weight: Array) -> tuple
 
 def frames_seen_alike(
     position: Array, own: Array | None = None
-) -> Iterator[tuple[Flags, Array | float, Indices]]:
+) -> Iterator[tuple[Flags, Array | None, Indices]]:
     """Frames of position (time, node, 3) that see the same markers equally well.
 
-    The markers seen (node,), the covariance (3 node, 3 node) that own (time, node), the variance of single
-    readings, adds to theirs, and which frames.
+    The markers seen (node,), the variance (node,) of their readings by own (time, node), None where they have
+    none beside that of all, and which frames.
     """
     patterns, which = seen_together(position)
     for i, pattern in enumerate(patterns):
         at = np.flatnonzero(which == i)
         if own is None or not own[at].any():
-            yield pattern, 0.0, at
+            yield pattern, None, at
             continue
         each, of = np.unique(np.where(pattern, own[at], 0.0), axis=0, return_inverse=True)
         for j, var in enumerate(each):
-            yield pattern, np.diag(np.repeat(var, 3)), at[of.ravel() == j]
+            yield pattern, var, at[of.ravel() == j]
 
 
 def seen_together(position: Array) -> tuple[Flags, Indices]:
@@ -87,16 +89,15 @@ class FrameFit:
     """What the pose of frames takes that see the markers of `pattern` (node,): prepared once for all of them.
 
     shape (node, 3) m about the mass center; start (node,): weights of the rotation fit that begins; gain:
-    gain (6, channel), covariance (6, 6) of the pose in body axes, and weight of the channels; nodes: of the
-    pattern; diagonal: the weight as the compiled fit takes it.
+    gain (6, channel), covariance (6, 6) of the pose in body axes, and that of the channels; nodes: of the
+    pattern.
     """
 
     pattern: Flags
     shape: Array
     start: Array
-    gain: tuple[Array, Array, Array]
+    gain: PoseGain
     nodes: Indices
-    diagonal: Array
 
     @property
     def cov(self) -> Array:
@@ -104,22 +105,22 @@ class FrameFit:
         return self.gain[1]
 
 
-def frame_fit(shape: Array, weight: Array, pattern: Flags, cov: Array) -> FrameFit | None:
+def frame_fit(
+    shape: Array, weight: Array, pattern: Flags, cov: ReadingCov, own: Array | None = None
+) -> FrameFit | None:
     """The fit of frames that see the markers of a pattern; None where they do not fix a rotation.
 
-    weight (node,) of the rotation fit that begins; cov (3 node, 3 node), body axes, as for `fit_pose`.
+    weight (node,) of the rotation fit that begins; cov, own (node,): as for `fit_pose`.
 
-    >>> fit = frame_fit(np.eye(3), np.ones(3), np.ones(3, bool), np.eye(9))
+    >>> fit = frame_fit(np.eye(3), np.ones(3), np.ones(3, bool), ReadingCov.of(np.eye(9)))
     >>> fit_one(fit, np.eye(3) + 2.0)[0].round(9).tolist()
     [2.0, 2.0, 2.0]
     """
-    gain = pose_gain(summation_operator(shape), pattern, cov)
+    gain = pose_gain(summation_operator(shape), pattern, cov, own)
     if gain is None:
         return None
-    V = np.diagonal(gain[2])
-    V = gain[2] if (gain[2] != np.diag(V)).any() else np.ascontiguousarray(V)
     # every marker counts in the start: those with mass need not fix the rotation where one of them is lost
-    return FrameFit(pattern, shape, weight + weight.max(), gain, np.flatnonzero(pattern), V)
+    return FrameFit(pattern, shape, weight + weight.max(), gain, np.flatnonzero(pattern))
 
 
 def fit_one(fit: FrameFit, position: Array) -> tuple[Array, Array, Array]:
@@ -134,21 +135,27 @@ def fitted(fit: FrameFit, position: Array, at: Indices) -> tuple[Array, Array, A
     Compiled where a compiler was.
     """
     if compiled is None:
-        return fitted_in_numpy(fit, position[at])
-    A, C, _ = fit.gain
-    center, R, cov, chi_square, residual, arrived = compiled.fitted(
-        position, at, fit.nodes, fit.shape, fit.start[fit.nodes], A, C, fit.diagonal
-    )
-    found = center, R, cov, residual, chi_square
+        in_numpy = fitted_in_numpy(fit, position[at])
+        return *in_numpy, misfit(in_numpy[3], fit.pattern, fit.gain[2])
+    A, C, noise = fit.gain
+    *found, arrived = compiled.fitted(position, at, fit.nodes, fit.shape, fit.start[fit.nodes], A, C)
     if len(hard := np.flatnonzero(arrived != 1)):
         for whole, part in zip(found, fitted_in_numpy(fit, position[at[hard]]), strict=True):
             whole[hard] = part
-    return found
+    center, R, cov, residual = found
+    return center, R, cov, residual, misfit(residual, fit.pattern, noise)
 
 
-def fitted_in_numpy(fit: FrameFit, position: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """`fitted`, of all frames at once."""
-    pattern, shape, (A, C, V_inv) = fit.pattern, fit.shape, fit.gain
+def misfit(residual: Array, pattern: Flags, noise: ReadingCov) -> Array:
+    """Chi-square (time,) of residuals (time, node, 3) of the markers of a pattern (node,)."""
+    whole = residual if pattern.all() else residual[:, pattern]
+    z = noise.whitened(whole.reshape(len(whole), -1))
+    return np.einsum("ti,ti->t", z, z)
+
+
+def fitted_in_numpy(fit: FrameFit, position: Array) -> tuple[Array, Array, Array, Array]:
+    """`fitted`, of all frames at once, without chi_square."""
+    pattern, shape, (A, C, _) = fit.pattern, fit.shape, fit.gain
     center, R = fit_rotation(position, shape, fit.start)
     levers = A.reshape(6, -1, 3)
     moving = np.arange(len(position))
@@ -165,21 +172,22 @@ def fitted_in_numpy(fit: FrameFit, position: Array) -> tuple[Array, Array, Array
         if not len(moving):
             break
     residual = body_axes(position, center, R) - shape
-    e = residual[:, pattern].reshape(len(position), -1)
     turn = np.zeros((len(position), 6, 6))
     turn[:, :3, :3] = turn[:, 3:, 3:] = R
-    return center, R, turn @ C @ turn.swapaxes(1, 2), residual, np.einsum("ti,ij,tj->t", e, V_inv, e)
+    return center, R, turn @ C @ turn.swapaxes(1, 2), residual
 
 
-def pose_gain(S: Array, seen: Flags, cov: Array) -> tuple[Array, Array, Array] | None:
-    """Gain (6, channel), covariance (6, 6) and weight of the pose errors; None if their rank is below 6."""
-    rows = np.repeat(seen, 3)
-    Ss = S[rows]
+def pose_gain(S: Array, seen: Flags, cov: ReadingCov, own: Array | None = None) -> PoseGain | None:
+    """Gain (6, channel), covariance (6, 6) of the pose errors, and that of the readings seen (node,).
+
+    S (3 node, 6): rigid-body modes; cov, own (node,): as for `fit_pose`. None if their rank is below 6.
+    """
+    Ss, noise = S[np.repeat(seen, 3)], cov.seen(seen, own)
     if not seen.any() or pose_rank(Ss) < 6:
         return None
-    V_inv = np.linalg.inv(cov[np.ix_(rows, rows)])
-    C = np.linalg.inv(Ss.T @ V_inv @ Ss)
-    return C @ Ss.T @ V_inv, np.asarray(C), np.asarray(V_inv)
+    unit = noise.whitened(Ss.T)
+    C = np.linalg.inv(unit @ unit.T)
+    return C @ noise.whitened(unit), np.asarray(C), noise
 
 
 def pose_rank(S: Array) -> int:

@@ -82,19 +82,15 @@ INLINE void largest(const Lanes *G, const Lanes &bound, Lanes *q) {
   }
 }
 
-// center, rotation, covariance, chi-square, residual of `frames`, and whether each has arrived. nodes: those that
-// these frames see, with shape (node, 3), start weight (node of nodes,), gain A (6, channel), covariance C (6, 6)
-// and weight V_inv (channel,) or (channel, channel) of their errors.
-Poses fitted(Array position_, Index frames_, Index nodes_, Array shape_, Array weight_, Array A_, Array C_,
-                 Array V_) {
+// center, rotation, covariance, residual of `frames`, and whether each has arrived. nodes: those that these frames
+// see, with shape (node, 3), start weight (node of nodes,), gain A (6, channel) and covariance C (6, 6).
+Poses fitted(Array position_, Index frames_, Index nodes_, Array shape_, Array weight_, Array A_, Array C_) {
   const Size frames = frames_.shape(0), N = shape_.shape(0);
   const int k = static_cast<int>(nodes_.shape(0));
-  const bool diagonal = V_.ndim() == 1;
-  Out center_({frames, 3}), R_({frames, 3, 3}), cov_({frames, 6, 6}), chi_({frames}),
-      residual_({frames, N, 3}), arrived_({frames});
-  double *center = center_.data(), *R_out = R_.data(), *cov = cov_.data(),
-         *chi = chi_.data(), *residual = residual_.data(), *arrived = arrived_.data();
-  const double *position = position_.data(), *shape = shape_.data(), *A = A_.data(), *C = C_.data(), *V = V_.data();
+  Out center_({frames, 3}), R_({frames, 3, 3}), cov_({frames, 6, 6}), residual_({frames, N, 3}), arrived_({frames});
+  double *center = center_.data(), *R_out = R_.data(), *cov = cov_.data(), *residual = residual_.data(),
+         *arrived = arrived_.data();
+  const double *position = position_.data(), *shape = shape_.data(), *A = A_.data(), *C = C_.data();
   const Size *frame = frames_.data(), *node = nodes_.data();
   std::vector<double> w(weight_.data(), weight_.data() + k);
   double total = 0.0, mean[3] = {}, spread = 0.0;
@@ -181,16 +177,6 @@ Poses fitted(Array position_, Index frames_, Index nodes_, Array shape_, Array w
       if (done) break;
     }
     errors();
-    Lanes sum = {};
-    for (int i = 0; i < 3 * k; ++i) {
-      if (diagonal) {
-        sum += V[i] * e[i] * e[i];
-      } else {
-        Lanes row = {};
-        for (int j = 0; j < 3 * k; ++j) row += V[i * 3 * k + j] * e[j];
-        sum += e[i] * row;
-      }
-    }
     Lanes turned[36], turning[36];
     for (int p = 0; p < 2; ++p)
       for (int a = 0; a < 3; ++a)
@@ -207,7 +193,6 @@ Poses fitted(Array position_, Index frames_, Index nodes_, Array shape_, Array w
       for (int i = 0; i < 3; ++i) center[3 * f + i] = c[i][l];
       for (int i = 0; i < 9; ++i) R_out[9 * f + i] = R[i][l];
       for (int i = 0; i < 36; ++i) cov[36 * f + i] = turning[i][l];
-      chi[f] = sum[l];
       arrived[f] = last[l] <= THOUSANDTH * THOUSANDTH;
       double *to = residual + f * N * 3;
       if (k == N) {
@@ -219,7 +204,7 @@ Poses fitted(Array position_, Index frames_, Index nodes_, Array shape_, Array w
       }
     }
   }
-  return std::make_tuple(center_, R_, cov_, chi_, residual_, arrived_);
+  return std::make_tuple(center_, R_, cov_, residual_, arrived_);
 }
 
 } // namespace poses

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from forceid.config import Settings
-from forceid.estimation.body.deformation_residual import Beyond, beyond_rigid
+from forceid.estimation.body.deformation_residual import Beyond, beyond_rigid, looks
 from forceid.estimation.body.deforming.strains import strain_shapes
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.body.mass_center import tracked_mass_center, with_center, without_gaps
@@ -92,9 +92,10 @@ def cleaned(body: Body, motion: Motion, kin: Kinematics | None = None) -> tuple[
         mended = replace(mended, exchanged=names, exchanges=len(traded) // 2, exchanged_s=float(first))
     off = spikes(position)
     if kin is not None and kin.attitude:
-        shown = beyond_rigid(motion.time, np.where(off[..., None], np.nan, position), kin)
-        shown = beside_strains(shown, kin)
-        off[:, shown.kept] |= off_the_shape(shown.y, shown.basis)
+        known = np.where(off[..., None], np.nan, position)
+        for group in looks(kin.seen):
+            shown = beside_strains(beyond_rigid(motion.time, known, kin, group), kin)
+            off[:, shown.kept] |= off_the_shape(shown.y, shown.basis)
     if off.any():
         position = np.where(off[..., None], np.nan, position)
         by_marker = {body.node[k]: int(off[:, k].sum()) for k in np.argsort(-off.sum(0)) if off[:, k].any()}

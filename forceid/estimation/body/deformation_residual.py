@@ -29,6 +29,8 @@ from forceid.records import Array, Flags, Motion
 from forceid.rounding import SINGLE, SOLVED
 from forceid.significance import CHANCE, LAGS, SIGMAS
 
+MANY = 64  # markers that a look takes: their numbers tell a variance to a percent in a hundred frames
+GOLDEN = 0.5 * (np.sqrt(5) - 1)  # of a turn from one to the next: the most even of all ways round
 TURNS = 16  # frames, evenly spread, at which what a turn does to errors is looked at
 KNOWN = 0.25  # standard error of a variance, as a part of it: its root is known to an eighth
 
@@ -69,6 +71,18 @@ class Beyond:
         return replace(self, y=self.y @ free, basis=self.basis @ free)
 
 
+def looks(seen: Flags) -> list[Flags]:
+    """Markers (node,) in groups of about MANY at most, each spread over all of them.
+
+    >>> [int(group.sum()) for group in looks(np.ones(130, bool))]
+    [45, 43, 42]
+    """
+    at = np.flatnonzero(seen)
+    count = -(-len(at) // MANY)
+    which = (np.arange(len(at)) * GOLDEN % 1 * count).astype(int)
+    return [np.isin(np.arange(len(seen)), at[which == k]) for k in range(count)]
+
+
 def often_seen(position: Array, seen: Flags) -> Flags:
     """Markers (node,) that at least half of the frames show together: the least seen go first."""
     visible = np.all(np.isfinite(position), axis=2)
@@ -78,13 +92,13 @@ def often_seen(position: Array, seen: Flags) -> Flags:
     return kept
 
 
-def beyond_rigid(time: Array, position: Array, kin: Kinematics) -> Beyond:
-    """What markers at `position` (time, node, 3) m do beside moving as one.
+def beyond_rigid(time: Array, position: Array, kin: Kinematics, group: Flags | None = None) -> Beyond:
+    """What markers at `position` (time, node, 3) m do beside moving as one: of a group (node,), or a first look.
 
     The rotation is fitted in the mass gauge, in which the deformation of a frame is linear in its shapes,
     however large.
     """
-    kept = often_seen(position, kin.seen)
+    kept = often_seen(position, looks(kin.seen)[0] if group is None else group)
     weight = kin.inertia.weight * kept
     if (weight > 0).sum() < 4:
         weight = kept.astype(float)

@@ -44,8 +44,8 @@ class Kinematics:
     nodes that carry a marker; shapes (mode, node, 3) of unit norm, with raw amplitudes (time, mode) m
     and their noise_var; model: rigid, affine or modal; noise_root (3, 3) by variable: root of the covariance
     of its noise, world axes, stated: whether the user stated it; attitude: whether the markers fix the
-    rotation; frames: what every frame says of pose and amplitudes together, and beside (dof, dof) m2 what it
-    counts as noise of deformation beside the shapes, None for a body that does not deform; spin: of a slender
+    rotation; frames: what every frame says of pose and amplitudes together, and beside (dof, k) m what it
+    counts as noise of deformation beside the shapes, one standard deviation each, None of a mean motion; spin: of a slender
     body, whose pose follows its line without it, None where it has none or none is seen; apart: whether the
     mass center is known by itself, as the mean of nodes that carry all mass or by an affine map, so that no
     rotation touches the force; markers: what this goes on from, None for a mean motion; inside ([time,] 3)
@@ -120,7 +120,7 @@ class Kinematics:
     @property
     def deforms(self) -> bool:
         """Whether the poses allow for a deformation, in shapes or beside them."""
-        return bool(len(self.shapes)) or (self.beside is not None and bool(self.beside.any()))
+        return bool(len(self.shapes)) or (self.beside is not None and bool(self.beside.size))
 
     @property
     def unfollowed(self) -> Flags:
@@ -131,8 +131,8 @@ class Kinematics:
         """The same with its poses linearized about a path, center (time, 3) and rotation (time, 3, 3)."""
         m = self.markers
         assert m is not None
-        white = m.noise_std**2 * np.eye(m.X.size)
-        pose = poses_about(self.pose, m.measured, m.shape, m.weight, white, path, uneven(m.root))
+        noise = m.white, uneven(m.root)
+        pose = poses_about(self.pose, m.measured, m.shape, m.weight, noise[0], path, noise[1])
         return replace(self, pose=pose)
 
 
@@ -164,29 +164,31 @@ def at_level(markers: MarkerSet, settings: Settings) -> Kinematics:
     # of mass on a line a shape would give it the inertia that it has not
     model = "rigid" if thin.on_line or thin.point else str(settings.model)
     found = deformation_shapes(markers, model, settings.modes)
-    shapes, var, rest = found.shape, found.var, found.rest
+    shapes, var, rest, white = found.shape, found.var, found.rest, markers.white
     if model == "auto":
         model = "modal" if len(shapes) else "rigid"
-    flat, white = shapes.reshape(len(shapes), X.size), sigma**2 * np.eye(X.size)
-    deforming = rest + flat.T @ (var[:, None] * flat)
+    flat, often = shapes.reshape(len(shapes), X.size), np.sqrt(markers.period)
+    deforming = np.concatenate([rest, flat.T * np.sqrt(var)], 1)
     # smoothing takes white noise down by the number of frames it spans, a vibration only past its period:
     # as noise of one frame, deformation counts as often
     # a body that does not deform needs no bridges: the markers that a frame shows fix its pose
     observed, own = (x, markers.filled) if len(shapes) else (measured, None)
     beyond = uneven(markers.root)
-    pose = fit_pose(observed, shape, weight, white + markers.period * deforming, own, beyond)
+    pose = fit_pose(observed, shape, weight, white.beside(often * deforming), own, beyond)
     loose = var if found.elastic is not None else None
-    q, q_var = fit_amplitudes(pose.residual, shapes, summation_operator(shape), white + rest, own, loose)
+    q, q_var = fit_amplitudes(
+        pose.residual, shapes, summation_operator(shape), white.beside(rest), own, loose
+    )
     if thin.line is not None and not thin.on_line and inertia.nodal is not None:  # of the shape it moves in
         none = np.zeros((0, *X.shape))
         thin = thinned(replace(inertia, tensor=inertia_products(inertia.nodal, shape, none).inertia[0, 0]), X)
     if not len(shapes):
         inertia = thin
-    spin, frames, hidden, beside = None, None, None, markers.period * rest
+    spin, frames, hidden, beside = None, None, None, often * rest
     if inertia.line is not None:
         pose, spin = followed_line(time, pose, x, shape, inertia, sigma)
     if len(shapes):
-        frames = fit_frames(observed, pose, shape, shapes, white + beside, own, beyond)
+        frames = fit_frames(observed, pose, shape, shapes, white.beside(beside), own, beyond)
     if frames is not None and model == "modal" and markers.modes is None:
         hidden = hidden_mass(markers)
         frames = frames if hidden is None else hidden.beside(frames)

@@ -22,7 +22,7 @@ from forceid.estimation.body.mass_center import MassCenter, tracked_mass_center
 from forceid.estimation.body.rotors import momentum_inside
 from forceid.estimation.body.thin_mass import observed_rank, thinned
 from forceid.estimation.body.tracks.noise_axes import floored, rms_noise
-from forceid.motion import body_axes, fit_rotation, noise_variance, pose_rank
+from forceid.motion import ReadingCov, body_axes, fit_rotation, noise_variance, pose_rank
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags, KnownPart, Motion
 from forceid.significance import WILD
@@ -69,6 +69,11 @@ class MarkerSet:
     def noise_std(self) -> float:
         """Standard deviation (m) of the noise of a coordinate, in the mean square over the axes."""
         return rms_noise(self.root)
+
+    @property
+    def white(self) -> ReadingCov:
+        """The covariance of that noise, alike along all axes."""
+        return ReadingCov(np.full(self.X.size, self.noise_std**2), np.zeros((self.X.size, 0)))
 
     @property
     def period(self) -> float:

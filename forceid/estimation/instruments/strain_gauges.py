@@ -41,7 +41,7 @@ def with_strain_gauges(
     bias = np.broadcast_to(known.get("strain_bias", np.maximum(largest, noise)), noise.shape)
     cov = np.diag(noise**2)
     if kin.beside is not None:  # modes that the model leaves out strain a gauge too
-        cov += reads @ kin.beside @ reads.T
+        cov += (reads @ kin.beside) @ (reads @ kin.beside).T
     rows = reads @ kin.shapes.reshape(len(kin.shapes), -1).T
     rows = np.pad(
         rows, ((0, 0), (0, len(flight.modes.prior.std) - rows.shape[1]))

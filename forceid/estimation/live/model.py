@@ -16,7 +16,7 @@ from forceid.estimation.run import estimate_whole
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman import StateSpace, steady
 from forceid.kalman.building.process import discretize
-from forceid.motion import Products
+from forceid.motion import Products, ReadingCov
 from forceid.records import Array, Body, Finding, Flags, Frame, Motion, Recording
 
 INSIDE = 8  # parts of a stretch, of which the first and the last are left out of a mean: claims rise there
@@ -44,7 +44,7 @@ class LiveModel:
     """A body in flight as frames to come are read with it.
 
     step s of the clock; shape (node, 3) m about the mass center, body axes; weight (node,) of the rotation
-    fit; noise (dof, dof) m2: covariance of a frame, body axes; share (node,): of the mass that each node
+    fit; noise: of the readings of a frame, body axes; share (node,): of the mass that each node
     carries, None where the mean of the nodes is not the mass center; noise_var m2 of a coordinate; swings:
     None of a body that does not deform; mass kg; products: what amplitudes do to the inertia; inside (3,)
     kg m2/s; gravity (3,); force, moment: priors, no moment where markers show none; momentum (3,): angular
@@ -58,7 +58,7 @@ class LiveModel:
     shape: Array
     weight: Array
     seen: Flags
-    noise: Array
+    noise: ReadingCov
     share: Array | None
     noise_var: float
     swings: Swings | None
@@ -99,12 +99,11 @@ def model_of(solution: Solution, gravity: Array, findings: tuple[Finding, ...]) 
     assert markers is not None
     step = float(np.median(np.diff(kin.time)))
     swings = swings_of(solution, step)
-    white = markers.noise_std**2 * np.eye(kin.shape.size)
-    beside = np.zeros_like(white) if kin.beside is None else kin.beside
+    noise = markers.white if kin.beside is None else markers.white.beside(kin.beside)
     if swings is None and len(kin.shapes):  # shapes that are not followed are noise of every frame
         flat = kin.shapes.reshape(len(kin.shapes), -1)
         var = np.nanmean(kin.amplitude**2, 0)
-        beside = beside + markers.period * flat.T @ (var[:, None] * flat)
+        noise = noise.beside(flat.T * np.sqrt(markers.period * var))
     weight = kin.inertia.weight
     whole = kin.apart and markers.mean is not None
     n, T, state = len(kin.time) // INSIDE, len(kin.time), solution.state
@@ -115,7 +114,7 @@ def model_of(solution: Solution, gravity: Array, findings: tuple[Finding, ...]) 
     lasts = bool(SLOW & {finding.code for finding in findings})
     turning = kin.attitude and kin.inertia.line is None and "moment" in solution.priors
     return LiveModel(
-        step=step, shape=kin.shape, weight=markers.weight, seen=kin.seen, noise=white + beside,
+        step=step, shape=kin.shape, weight=markers.weight, seen=kin.seen, noise=noise,
         share=weight / weight.sum() if whole else None, noise_var=markers.noise_std**2, swings=swings,
         mass=kin.inertia.mass, products=products_of(kin) if swings is not None else still(kin),
         inside=np.atleast_2d(kin.inside)[-1], gravity=gravity, force=to_go_on(solution.priors["force"]),

@@ -14,7 +14,7 @@ import numpy as np
 from forceid.estimation.body.deforming.modes import split_rigid
 from forceid.estimation.body.deforming.strains import strain_axes, strain_shapes
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.motion import pose_gain, pose_rank
+from forceid.motion import ReadingCov, pose_gain, pose_rank
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags
 from forceid.rounding import ROUNDED, SINGLE, SOLVED
@@ -141,18 +141,17 @@ def patterns(kin: Kinematics) -> list[Flags]:
     return [kin.seen, *(p for p in sets[order] if p.any() and (p != kin.seen).any())]
 
 
-def marker_cov(kin: Kinematics) -> Array:
-    """Covariance (dof, dof) that the poses are fitted under: white noise, and deformation of its size."""
+def marker_cov(kin: Kinematics) -> ReadingCov:
+    """Covariance that the poses are fitted under: white noise, and deformation of its size."""
     sigma2 = next(iter(kin.noise.values())) ** 2
-    cov = sigma2 * np.eye(kin.shape.size)
+    cov = ReadingCov(np.full(kin.shape.size, sigma2), np.zeros((kin.shape.size, 0)))
     if not len(kin.shapes):
         return cov
     known = np.isfinite(kin.amplitude)
     count = np.maximum(known.sum(0), 1)
     q, noise = np.where(known, kin.amplitude, 0.0), np.where(known, kin.amplitude_var, 0.0)
     var = np.maximum(((q**2).sum(0) - noise.sum(0)) / count, TENTH**2 * sigma2)
-    flat = kin.shapes.reshape(len(kin.shapes), -1)
-    return np.asarray(cov + flat.T @ (var[:, None] * flat))
+    return cov.beside(kin.shapes.reshape(len(kin.shapes), -1).T * np.sqrt(var))
 
 
 def cross_blocks(S: Array, flat: Array, kin: Kinematics, seen: Flags, weight: Array) -> tuple[Array, float]:

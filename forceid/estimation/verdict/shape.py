@@ -13,6 +13,7 @@ from forceid.estimation.body.deformation_residual import beyond_rigid
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.innovations import NIS_BAND
+from forceid.motion import ReadingCov
 from forceid.records import Array, Body, Finding
 from forceid.rounding import SINGLE
 from forceid.significance import WILD
@@ -124,10 +125,10 @@ def beyond_shapes(kin: Kinematics) -> tuple[float, float]:
     if not z.size:
         return 0.0, 0.0
     rows = np.repeat(seen.kept, 3)
-    beside = np.zeros((rows.size, rows.size)) if kin.beside is None else kin.beside
-    along = seen.basis @ left
-    cov = seen.var * np.eye(left.shape[1]) + along.T @ beside[np.ix_(rows, rows)] @ along
-    chi_square = np.einsum("ti,ti->t", z, np.linalg.solve(cov, z.T).T)
+    beside = np.zeros((rows.size, 0)) if kin.beside is None else kin.beside
+    along = (seen.basis @ left).T @ beside[rows]
+    unit = ReadingCov(np.full(len(along), seen.var), along).whitened(z)
+    chi_square = np.einsum("ti,ti->t", unit, unit)
     ratio = float(np.median(chi_square) / chdtri(left.shape[1], 0.5))
     return ratio, float(np.sqrt((z**2).sum(1).mean() / seen.kept.sum() / 3))
 

@@ -17,6 +17,7 @@ from forceid.estimation.body.deforming.modes import (
 )
 from forceid.estimation.body.deforming.strains import strain_shapes
 from forceid.motion.pose import exp
+from forceid.motion.reading_cov import ReadingCov
 from forceid.principal.operator import summation_operator
 from forceid.principal.wrench import resultant
 
@@ -28,6 +29,7 @@ SHAPE = 0.3 * RNG.standard_normal((7, 3))
 SHAPE -= MASS @ SHAPE / MASS.sum()
 GAUGES = {"mass": MASS, "euclidean": np.ones(7), "sensor": SEEN.astype(float)}
 SIGMA = 1e-3
+WHITE = ReadingCov(np.full(21, SIGMA**2), np.zeros((21, 0)))
 field = arrays(float, (7, 3), elements=st.floats(-1, 1))
 
 
@@ -117,7 +119,7 @@ def test_amplitudes_are_free_of_pose_errors_and_unknown_where_not_determined():
     residual = q[..., None] * planted() + rigid
     residual[:100, 3] = np.nan
     residual[100:200, 2:] = np.nan
-    fitted, var = fit_amplitudes(residual, planted()[None], R, SIGMA**2)
+    fitted, var = fit_amplitudes(residual, planted()[None], R, WHITE)
     known = np.r_[0:100, 200:300]
     np.testing.assert_allclose(fitted[known], q[known], atol=1e-12)
     assert np.isnan(fitted[100:200]).all()
@@ -129,7 +131,7 @@ def test_variance_of_amplitudes_is_what_monte_carlo_finds():
     residual = SIGMA * np.random.default_rng(1).standard_normal((5000, 7, 3))
     residual[:, 5] = np.nan
     shapes = np.stack([planted(), strain_shapes(SHAPE, np.eye(3))[0]])
-    q, var = fit_amplitudes(residual, shapes, summation_operator(SHAPE), SIGMA**2)
+    q, var = fit_amplitudes(residual, shapes, summation_operator(SHAPE), WHITE)
     np.testing.assert_allclose(q.var(axis=0) / var[0], 1, atol=0.08)
 
 

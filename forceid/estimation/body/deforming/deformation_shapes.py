@@ -34,7 +34,7 @@ FOLLOWED = 20  # elastic modes with states in a flight: as many again cost eight
 class Shapes:
     """Shapes (mode, node, 3) of unit norm in which a body deforms, with variances var (mode,) m2.
 
-    rest (dof, dof) m2: covariance of what deforms beside them; elastic: their frequencies where the body
+    rest (dof, k) m: what deforms beside them, one standard deviation each; elastic: their frequencies where the body
     brings these, None for shapes of which nobody knows how they swing.
     """
 
@@ -52,14 +52,14 @@ def deformation_shapes(markers: MarkerSet, model: str, most: int | None) -> Shap
     """
     modes, residual = markers.modes, markers.residual
     shape, weight, seen, sigma = markers.shape, markers.weight, markers.seen, markers.noise_std
-    none = Shapes(np.zeros((0, *shape.shape)), np.zeros(0), np.zeros((shape.size, shape.size)))
+    none = Shapes(np.zeros((0, *shape.shape)), np.zeros(0), np.zeros((shape.size, 0)))
     if model == "rigid" or rank_of(shape, weight > 0) < 6:
         return none
     if model == "affine":
         shapes = affine_shapes(markers)
         if not len(shapes):  # in no frame are markers enough
             return none
-        q, q_var = fit_amplitudes(residual, shapes, summation_operator(shape), sigma**2)
+        q, q_var = fit_amplitudes(residual, shapes, summation_operator(shape), markers.white)
         var = np.maximum(np.nanvar(q, axis=0) - np.nanmean(q_var, axis=0), sigma**2 * 1e-3)
         return replace(none, shape=shapes, var=var)
     if modes is not None and modes.compliance is not None:
@@ -103,8 +103,7 @@ def elastic_shapes(markers: MarkerSet, modes: Modes, compliance: Array, most: in
     soft = compliance[which] * size
     observed, scatter, frames = scatter_of(markers, own)
     if not frames or not len(own):
-        none = np.zeros((markers.shape.size, markers.shape.size))
-        return Shapes(own[:0], soft[:0], none)
+        return Shapes(own[:0], soft[:0], np.zeros((markers.shape.size, 0)))
     D, noise_var = observed.of(own), markers.noise_std**2
     alike = D.T @ (soft[:, None] ** 2 * D)
     var = common_level(scatter, alike, noise_var) * soft**2
@@ -126,4 +125,4 @@ def elastic_shapes(markers: MarkerSet, modes: Modes, compliance: Array, most: in
     spin = float(np.trace(mean_spin(markers.time[seen], R[seen])))
     known = None if damping is None else damping[which][kept]
     elastic = Elastic(frequency, known, size[kept], told, spin / frequency**2)
-    return Shapes(own[kept], var[kept], flat.T @ (var[beside, None] * flat), elastic)
+    return Shapes(own[kept], var[kept], flat.T * np.sqrt(var[beside]), elastic)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from forceid.estimation.body.deforming.mode_selection import log_evidence, observed_shapes
-from forceid.motion import body_axes, fit_rotation, frames_seen_alike, log
+from forceid.motion import ReadingCov, body_axes, fit_rotation, frames_seen_alike, log
 from forceid.principal import summation_operator
 from forceid.records import Array
 
@@ -140,35 +140,38 @@ def principal_deformations(residual: Array, noise_var: float, most: int | None =
     frames = residual[np.isfinite(residual).all((1, 2))].reshape(-1, residual.shape[1] * 3)
     if len(frames) < 2:
         return np.zeros((0, *residual.shape[1:])), np.zeros(0)
-    variance, shapes = np.linalg.eigh(frames.T @ frames / len(frames))
+    wide = len(frames) < frames.shape[1]
+    variance, axes = np.linalg.eigh((frames @ frames.T if wide else frames.T @ frames) / len(frames))
+    variance, axes = variance[::-1], axes[:, ::-1]
     root_n, root_p = np.sqrt(frames.shape)
     edge = (root_n + root_p) ** 2
     width = (root_n + root_p) * (1 / root_n + 1 / root_p) ** (1 / 3)
     count = int((len(frames) * variance > noise_var * (edge + 2 * width)).sum())
     if most is not None:
-        count = min(most, frames.shape[1])
-    top = np.arange(len(variance))[::-1][:count]
-    return shapes[:, top].T.reshape(count, *residual.shape[1:]), np.maximum(variance[top] - noise_var, 0.0)
+        count = min(most, len(variance))
+    shapes = axes[:, :count].T
+    if wide:
+        shapes = shapes @ frames / np.sqrt(len(frames) * variance[:count, None])
+    return shapes.reshape(count, *residual.shape[1:]), np.maximum(variance[:count] - noise_var, 0.0)
 
 
 def fit_amplitudes(
     residual: Array,
     shapes: Array,
     rigid: Array,
-    noise: Array | float,
+    noise: ReadingCov,
     own: Array | None = None,
     loose: Array | None = None,
 ) -> tuple[Array, Array]:
     """Amplitudes q (time, mode) of shapes (mode, node, 3) and their noise variance, NaN where not determined.
 
-    noise: variance of a coordinate (m2), or covariance (3 node, 3 node); own (time, node) m2: variance of
-    single readings beside. Fitted together with the six rigid modes `rigid` (3 node, 6), so that no error of
-    the pose enters: the markers seen in a frame must fix all of them, or q is NaN there. loose (mode,) m2: of
-    amplitudes that are known beforehand to be of that variance, any number of which may be fitted.
+    noise: of the readings; own (time, node) m2: variance of single ones beside. Fitted together with the six
+    rigid modes `rigid` (3 node, 6), so that no error of the pose enters: the markers seen in a frame must fix
+    all of them, or q is NaN there. loose (mode,) m2: of amplitudes that are known beforehand to be of that
+    variance, any number of which may be fitted.
     """
     T, count = len(residual), len(shapes)
     q, var = np.full((T, count), np.nan), np.full((T, count), np.nan)
-    cov = np.eye(len(rigid)) * noise if np.ndim(noise) == 0 else np.asarray(noise)
     G = np.concatenate([rigid, shapes.reshape(count, len(rigid)).T], 1)
     held = np.zeros((0, count)) if loose is None else np.diag(np.maximum(loose, np.finfo(float).tiny) ** -0.5)
     held = np.pad(held, ((0, 0), (6, 0)))
@@ -177,10 +180,10 @@ def fit_amplitudes(
         rows = np.repeat(pattern, 3)
         if rows.sum() < fitted.shape[1] or np.linalg.matrix_rank(fitted[rows], rtol=1e-6) < fitted.shape[1]:
             continue
-        root = np.linalg.cholesky((cov + more)[np.ix_(rows, rows)])
-        fit = np.linalg.pinv(np.concatenate([np.linalg.solve(root, G[rows]), held]))[6:]
-        told = fit[:, : rows.sum()]
-        q[at] = residual[at][:, pattern].reshape(len(at), -1) @ np.linalg.solve(root.T, told.T)
+        seen = noise.seen(pattern, more)
+        fit = np.linalg.pinv(np.concatenate([seen.whitened(G[rows].T).T, held]))[6:]
+        told = seen.whitened(fit[:, : rows.sum()])
+        q[at] = residual[at][:, pattern].reshape(len(at), -1) @ told.T
         var[at] = (fit**2).sum(1)
     return q, var
 

@@ -76,5 +76,5 @@ def affine_shapes(markers: MarkerSet) -> Array:
 def amplitudes(markers: MarkerSet, flat: Array) -> Array:
     """Amplitudes (frame, mode) of shapes (mode, dof) in the frames that fix all of them."""
     shapes = flat.reshape(-1, *markers.shape.shape)
-    q = fit_amplitudes(markers.residual, shapes, summation_operator(markers.shape), markers.noise_std**2)[0]
+    q = fit_amplitudes(markers.residual, shapes, summation_operator(markers.shape), markers.white)[0]
     return np.asarray(q[np.isfinite(q).all(1)])

@@ -179,10 +179,11 @@ def sphericity(waves: NDArray[np.complexfloating[Any, Any]]) -> tuple[float, flo
     And its standard deviation where they are alike; where they are not, that is 1 + variance times as large.
     """
     m, dof = waves.shape[1], 2 * HANN * len(waves)
-    size = np.linalg.eigvalsh((waves.conj().T @ waves).real)
-    if not size.mean() > 0:
+    both = np.concatenate([waves.real, waves.imag])
+    trace, products = float((both**2).sum()), both @ both.T if len(both) < m else both.T @ both
+    if not trace > 0:
         return np.inf, 0.0
-    apart = float(np.mean(size**2)) / float(size.mean()) ** 2 - 1
+    apart = m * float((products**2).sum()) / trace**2 - 1
     return (dof * apart - (m + 1)) / (dof + 1), 2 / dof
 
 

@@ -1,0 +1,159 @@
+"""Time and memory of an estimate as a record grows: by frames, by nodes, by modes.
+
+    python -m evidence.attack.growth -o docs [--frames 1000 ...] [--nodes 3 ...] [--modes 0 ...]
+
+Writes growth.md and growth.png. Every estimate is a process of its own, with one thread of BLAS. The flight
+is one in closed form: a path of three sines, a steady spin with a nod, amplitudes that are sines. A line
+a + b n, by least squares of ratios, goes through the sizes of each: what is off it grows otherwise.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import h5py
+import numpy as np
+from scipy.optimize import nnls
+
+from evidence.attack.watched import START
+from evidence.live import path, turn
+from evidence.vectors import GRAVITY
+from evidence.written import asked, paged, pictured, table
+from forceid.report.plots.style import BLUE, GRAY, panels
+
+RATE, NOISE = 200.0, 2e-4  # Hz, m
+FEW, SHORT, BEAM = 8, 300, 60  # nodes where frames grow, frames where others do, nodes that bend
+AT_ONCE = 1 << 14  # frames written at a time
+ALLOWED = 1.3  # times the line
+Cost = tuple[float, float]  # CPU s, peak memory in MB
+
+
+def body(nodes: int, modes: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """A body of equal masses that lie anywhere in a box, and shapes that hold no rigid motion."""
+    at = rng.uniform(-0.15, 0.15, (nodes, 3))
+    at -= at.mean(0)
+    found: dict[str, np.ndarray] = {"position": at, "mass": np.full(nodes, 1.0 / nodes)}
+    if modes:
+        rigid = np.concatenate(
+            [np.tile(np.eye(3), (nodes, 1)), np.cross(at[:, None], np.eye(3)).reshape(-1, 3)], 1
+        )
+        shapes = np.linalg.qr(np.concatenate([rigid, rng.standard_normal((3 * nodes, modes))], 1))[0][:, 6:]
+        found["mode_shape"] = shapes.T.reshape(modes, nodes, 3) * np.sqrt(nodes)
+        found["mode_frequency"] = np.linspace(30.0, 60.0, modes)
+        found["mode_damping"] = np.full(modes, 0.01)
+    return found
+
+
+def write(file: Path, frames: int, nodes: int, modes: int) -> None:
+    """A record of that size: markers on all nodes, with noise."""
+    rng = np.random.default_rng([frames, nodes, modes])
+    about = body(nodes, modes, rng)
+    pace, phase = 2 * np.pi * rng.uniform(1.0, 8.0, modes), rng.uniform(0.0, 2 * np.pi, modes)
+    units = {"position": "m", "mass": "kg", "mode_shape": "1", "mode_frequency": "Hz", "mode_damping": "1"}
+    with h5py.File(file, "w") as f:
+        f.attrs.update(forceid_schema="1", title="growth", source="", history="", Conventions="CF-1.11")
+        for name, value in about.items():
+            f.create_dataset(f"body/{name}", data=value).attrs["units"] = units[name]
+        time = np.arange(frames) / RATE
+        f.create_dataset("motion/time", data=time).attrs["units"] = "s"
+        x = f.create_dataset("motion/position", (frames, nodes, 3), float)
+        x.attrs.update(units="m", noise_std=NOISE)
+        for group in ("body", "motion"):
+            f.create_dataset(f"{group}/node", data=[f"n{k}" for k in range(nodes)])
+        f["motion"].attrs["gravity"] = GRAVITY
+        for first in range(0, frames, AT_ONCE):
+            t = time[first : first + AT_ONCE]
+            held = np.broadcast_to(about["position"], (len(t), nodes, 3))
+            if modes:
+                q = 2e-3 * np.sin(t[:, None] * pace + phase) / np.sqrt(modes)
+                held = held + np.einsum("tm,mna->tna", q, about["mode_shape"])
+            flown = np.einsum("tab,tnb->tna", turn(t), held) + path(t)[:, None]
+            x[first : first + len(t)] = flown + NOISE * rng.standard_normal(flown.shape)
+
+
+def cost(folder: Path, frames: int, nodes: int, modes: int) -> Cost:
+    """CPU time and peak memory of `forceid estimate` on a record of that size."""
+    file = folder / "growth.h5"
+    write(file, frames, nodes, modes)
+    words = [*START, "estimate", str(file), "-o", str(folder / "growth.result.h5"), "--force", "--quiet"]
+    child = subprocess.Popen(words, env=os.environ | {"OPENBLAS_NUM_THREADS": "1"})
+    _, status, used = os.wait4(child.pid, 0)
+    child.returncode = os.waitstatus_to_exitcode(status)
+    if child.returncode:
+        raise SystemExit(f"{frames} frames, {nodes} nodes, {modes} modes: exit {child.returncode}")
+    found = used.ru_utime + used.ru_stime, used.ru_maxrss / 1e3
+    print(frames, nodes, modes, *np.round(found, 2), file=sys.stderr, flush=True)
+    return found
+
+
+def line_through(size: Sequence[int], value: np.ndarray) -> np.ndarray:
+    """A and b of the line a + b n through values, neither below zero, by least squares of ratios."""
+    rows = np.stack([np.ones(len(size)), np.asarray(size, float)], 1) / value[:, None]
+    return np.asarray(nnls(rows, np.ones(len(size)))[0])
+
+
+def main() -> None:
+    """Grow in all three ways, and write page and picture."""
+    args = asked(
+        "evidence.attack.growth",
+        __doc__,
+        frames=(1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000),
+        nodes=(3, 10, 30, 100, 300, 1000, 3000, 10_000, 20_000),
+        modes=(0, 2, 5, 10, 20, 40),
+    )
+    ways = {
+        "frames": [(n, FEW, 0) for n in args.frames],
+        "nodes": [(SHORT, n, 0) for n in args.nodes],
+        "modes": [(SHORT, BEAM, n) for n in args.modes],
+    }
+    figure, axes = panels(2, 3, (10, 5.2), sharex="col")
+    rows = []
+    with tempfile.TemporaryDirectory() as name:
+        for column, (way, sizes) in enumerate(ways.items()):
+            n = list(getattr(args, way))
+            found = np.array([cost(Path(name), *size) for size in sizes])
+            row: dict[str, str | float] = {"by": way, "sizes": f"{n[0]} to {n[-1]}"}
+            for k, (what, unit) in enumerate((("CPU time", "s"), ("memory", "MB"))):
+                line = line_through(n, found[:, k])
+                expected = line[0] + line[1] * np.array(n)
+                row |= {
+                    f"{what}, first": f"{found[0, k]:.3g} {unit}",
+                    f"{what}, last": f"{found[-1, k]:.3g} {unit}",
+                    f"{what} over the line, most": float((found[:, k] / expected).max()),
+                }
+                ax = axes[k, column]
+                fine = (
+                    np.geomspace(max(n[0], 1), n[-1], 200)
+                    if way != "modes"
+                    else np.linspace(n[0], n[-1], 200)
+                )
+                through = line[0] + line[1] * fine
+                ax.fill_between(fine, through / ALLOWED, through * ALLOWED, color=GRAY, alpha=0.25, lw=0)
+                ax.plot(fine, through, color=GRAY, lw=1)
+                ax.plot(n, found[:, k], "o", color=BLUE, ms=4)
+                ax.set_yscale("log")
+                if way != "modes":
+                    ax.set_xscale("log")
+                if not column:
+                    ax.set_ylabel(f"{what} ({unit})")
+            axes[1, column].set_xlabel(way)
+            rows.append(row)
+    pictured(args.output, "growth", figure)
+    about = f"`{args.command}`: dots are estimates, each a process; the band is {ALLOWED:g} times either way off a line."
+    paged(
+        args.output,
+        "growth",
+        "Time and memory as a record grows",
+        about,
+        table(rows),
+        "![growth](growth.png)",
+    )
+
+
+if __name__ == "__main__":
+    main()
