@@ -144,7 +144,7 @@ def main() -> None:
             axes[1, column].set_xlabel(way)
             rows.append(row)
     pictured(args.output, "growth", figure)
-    about = f"`{args.command}`: dots are estimates, each a process; the band is {ALLOWED:g} times either way off a line."
+    about = f"`{args.command}`: dots are estimates, each a process; the band is {ALLOWED:g} times off a line."
     paged(
         args.output,
         "growth",

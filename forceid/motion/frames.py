@@ -60,8 +60,8 @@ def fit_pose(
 
     position (time, node, 3), NaN = not seen; shape (node, 3) about the mass center; weight (node,) of the
     rotation fit that it starts from; cov, or a matrix of it (3 node, 3 node), body axes: of marker noise,
-    plus of the deformation, if there is one. With the deformation in the mass gauge in `cov`, a marker lost biases
-    neither center nor rotation. own (time, node) m2: variance that single readings have beside.
+    plus of the deformation, if there is one. With the deformation in the mass gauge in `cov`, a marker lost
+    biases neither center nor rotation. own (time, node) m2: variance that single readings have beside.
     uneven (3, 3) m2: covariance of the noise of every marker beside, world axes; it moves no weight of the
     fit, and is in the covariance of the pose. Source: principal equations 2.5, 4b.
     """
@@ -149,8 +149,8 @@ def fit_frames(
     """The pose and the further numbers of every frame, from markers near a pose.
 
     position (time, node, 3), NaN = not seen; shape (node, 3) about the mass center; shapes (mode, node, 3);
-    cov as for `fit_pose`: of marker noise and of what deforms beside the shapes; own (time, node): variance of
-    single readings beside; uneven as for `fit_pose`. Generalized least squares: what the fit of
+    cov as for `fit_pose`: of marker noise and of what deforms beside the shapes; own (time, node): variance
+    of single readings beside; uneven as for `fit_pose`. Generalized least squares: what the fit of
     the pose leaves is independent of it, and shows the amplitudes with the information Phi^T (V^-1 - V^-1 S C
     S^T V^-1) Phi, whose square root the rows are. So nothing is lost where markers show less than m
     amplitudes, or none. Source: principal equations 4b, 4d.

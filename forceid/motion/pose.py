@@ -150,7 +150,7 @@ def misfit(residual: Array, pattern: Flags, noise: ReadingCov) -> Array:
     """Chi-square (time,) of residuals (time, node, 3) of the markers of a pattern (node,)."""
     whole = residual if pattern.all() else residual[:, pattern]
     z = noise.whitened(whole.reshape(len(whole), -1))
-    return np.einsum("ti,ti->t", z, z)
+    return np.asarray(np.einsum("ti,ti->t", z, z))
 
 
 def fitted_in_numpy(fit: FrameFit, position: Array) -> tuple[Array, Array, Array, Array]:

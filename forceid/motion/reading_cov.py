@@ -56,7 +56,7 @@ class ReadingCov:
         return std, directions, 1 / np.sqrt(1 + size**2) - 1
 
     def whitened(self, a: Array) -> Array:
-        """A times the symmetric root of the inverse, a (..., channel): errors with this covariance become unit.
+        """A times the symmetric root of the inverse, a (..., channel): errors like these become unit ones.
 
         Twice, and a is multiplied by the inverse.
         """

@@ -90,10 +90,11 @@ def cleaned(body: Body, motion: Motion, kin: Kinematics | None = None) -> tuple[
     if traded:
         names, first = tuple(sorted({body.node[t.channel] for t in traded})), motion.time[traded[0].sample]
         mended = replace(mended, exchanged=names, exchanges=len(traded) // 2, exchanged_s=float(first))
-    off = spikes(position)
-    if kin is not None and kin.attitude:
-        known = np.where(off[..., None], np.nan, position)
-        for group in looks(kin.seen):
+    off = np.zeros(position.shape[:2], bool)
+    for group in looks(np.ones(position.shape[1], bool) if kin is None else kin.seen):
+        off[:, group] = spikes(position[:, group])
+        if kin is not None and kin.attitude:
+            known = np.where(off[..., None], np.nan, position)
             shown = beside_strains(beyond_rigid(motion.time, known, kin, group), kin)
             off[:, shown.kept] |= off_the_shape(shown.y, shown.basis)
     if off.any():

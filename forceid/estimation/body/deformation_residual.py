@@ -85,30 +85,30 @@ def looks(seen: Flags) -> list[Flags]:
 
 def often_seen(position: Array, seen: Flags) -> Flags:
     """Markers (node,) that at least half of the frames show together: the least seen go first."""
-    visible = np.all(np.isfinite(position), axis=2)
-    kept = seen.copy()
-    while kept.sum() > 3 and 2 * visible[:, kept].all(1).sum() < len(visible):
-        kept[np.flatnonzero(kept)[visible[:, kept].mean(0).argmin()]] = False
-    return kept
+    at = np.flatnonzero(seen)
+    visible: Flags = np.asarray(np.isfinite(position[:, at]).all(2))
+    while len(at) > 3 and 2 * visible.all(1).sum() < len(visible):
+        least = visible.mean(0).argmin()
+        at, visible = np.delete(at, least), np.delete(visible, least, 1)
+    return np.isin(np.arange(len(seen)), at)
 
 
 def beyond_rigid(time: Array, position: Array, kin: Kinematics, group: Flags | None = None) -> Beyond:
-    """What markers at `position` (time, node, 3) m do beside moving as one: of a group (node,), or a first look.
+    """What markers at `position` (time, node, 3) m do beside moving as one, in a group (node,).
 
-    The rotation is fitted in the mass gauge, in which the deformation of a frame is linear in its shapes,
-    however large.
+    The first look where no group is given. The rotation is fitted in the mass gauge, in which the deformation
+    of a frame is linear in its shapes, however large.
     """
     kept = often_seen(position, looks(kin.seen)[0] if group is None else group)
     weight = kin.inertia.weight * kept
     if (weight > 0).sum() < 4:
         weight = kept.astype(float)
-    x = np.where(kept[:, None], position, np.nan)
-    center, R = fit_rotation(x, kin.shape, weight)
-    residual = body_axes(x, center, R) - kin.shape
-    S = summation_operator(kin.shape[kept])
+    x, shape = position[:, kept], kin.shape[kept]
+    residual = body_axes(x, *fit_rotation(x, shape, weight[kept])) - shape
+    S = summation_operator(shape)
     left, size, _ = np.linalg.svd(S, full_matrices=True)
     U = left[:, int((size > SOLVED * size[0]).sum()) :]
-    return Beyond(time, residual[:, kept].reshape(len(x), -1) @ U, U, kept, kin.noise["position"] ** 2)
+    return Beyond(time, residual.reshape(len(x), -1) @ U, U, kept, kin.noise["position"] ** 2)
 
 
 def errors_beyond(kin: Kinematics, motion: Motion) -> tuple[MarkerErrors, Array | None] | None:

@@ -45,16 +45,16 @@ class Kinematics:
     and their noise_var; model: rigid, affine or modal; noise_root (3, 3) by variable: root of the covariance
     of its noise, world axes, stated: whether the user stated it; attitude: whether the markers fix the
     rotation; frames: what every frame says of pose and amplitudes together, and beside (dof, k) m what it
-    counts as noise of deformation beside the shapes, one standard deviation each, None of a mean motion; spin: of a slender
-    body, whose pose follows its line without it, None where it has none or none is seen; apart: whether the
-    mass center is known by itself, as the mean of nodes that carry all mass or by an affine map, so that no
-    rotation touches the force; markers: what this goes on from, None for a mean motion; inside ([time,] 3)
-    kg m2/s, body axes: angular momentum of what turns inside; known: what known loads do along the motion;
-    elastic: how the shapes swing, where the body brings that; hidden: what mass without markers may do beside
-    them; both None elsewhere; color: of the errors, None for white ones; loud (time,): variance of
-    those of a frame over the usual one, None where all are as loud; late (time, 6) m, rad: what frames that
-    come early or late are off by, one standard deviation, None where none are; shared: errors of the mass
-    center that all markers share, None for none.
+    counts as noise of deformation beside the shapes, one standard deviation each, None of a mean motion;
+    spin: of a slender body, whose pose follows its line without it, None where it has none or none is seen;
+    apart: whether the mass center is known by itself, as the mean of nodes that carry all mass or by an
+    affine map, so that no rotation touches the force; markers: what this goes on from, None for a mean
+    motion; inside ([time,] 3) kg m2/s, body axes: angular momentum of what turns inside; known: what known
+    loads do along the motion; elastic: how the shapes swing, where the body brings that; hidden: what mass
+    without markers may do beside them; both None elsewhere; color: of the errors, None for white ones; loud
+    (time,): variance of those of a frame over the usual one, None where all are as loud; late (time, 6) m,
+    rad: what frames that come early or late are off by, one standard deviation, None where none are; shared:
+    errors of the mass center that all markers share, None for none.
     """
 
     time: Array

@@ -26,6 +26,7 @@ from forceid.principal import cross_matrix, summation_operator
 from forceid.records import Array
 from forceid.rounding import SOLVED
 
+LEVI_CIVITA = -cross_matrix(np.eye(3))  # of a cross product (a x b)_i: entry i, j, k of a_j b_k
 SYMMETRIC = [(k, k) for k in range(3)] + [*combinations(range(3), 2)][::-1]  # entries of dJ, in order
 
 
@@ -101,31 +102,32 @@ def center_inertia(kin: Kinematics) -> Array:
     return np.stack([np.einsum("nd,n->d", dm, each[:, i, j]) for i, j in SYMMETRIC])
 
 
-def marker_map(kin: Kinematics, node: int) -> tuple[Array, Array]:
-    """Center (3, 3) and inertia (6, 3) per claimed place of one marker.
+def marker_maps(kin: Kinematics) -> tuple[Array, Array]:
+    """Center (marker, 3, 3) and inertia (marker, 6, 3) per claimed place of each marker, of those seen.
 
     The mean shape is laid into the reference shape by the weighted fit, so a wrong reference turns and
     shifts the axes of the whole record. Nodes that no marker shows stay where the reference has them.
     """
     w = np.repeat(gauge(kin), 3)
     S = summation_operator(kin.shape)
-    gain = np.linalg.solve(S.T @ (w[:, None] * S), S.T * w)
+    each = np.linalg.solve(S.T @ (w[:, None] * S), S.T * w).reshape(6, -1, 3)
+    gain: Array = np.asarray(each.swapaxes(0, 1)[kin.seen], float)
     m, X, J = kin.inertia.weight, kin.shape, kin.inertia.tensor
-    moves = np.zeros((len(X), 3, 3))  # of the claimed shape about its mass center, by node
-    moves[node] = np.eye(3)
-    if kin.inertia.nodal is not None:
-        moves -= m[node] / m.sum() * np.eye(3)
-    laid = -gain @ (moves * kin.seen[:, None, None]).reshape(-1, 3)
-    d, turn = laid[:3], laid[3:]
     if kin.inertia.nodal is None:
-        by_turn = np.stack([skew @ J - J @ skew for skew in cross_matrix(turn.T)], -1)
-        return d, np.stack([by_turn[i, j] for i, j in SYMMETRIC])
+        d, turn = -gain[:, :3], cross_matrix(-gain[:, 3:].swapaxes(1, 2))
+        by_turn = turn @ J - J @ turn
+        return d, np.stack([by_turn[..., i, j] for i, j in SYMMETRIC], 1)
+    # the mass center of the claimed shape goes along by the part of the mass that moves
+    part = m[kin.seen, None, None] / m.sum()
+    laid: Array = np.asarray(part * gain.sum(0) - gain)
+    d, turn = laid[:, :3], laid[:, 3:]
     # relative to the markers, which are where they are, the nodes without marker move along
-    hidden = moves + np.cross(turn.T[None], X[:, None]).swapaxes(1, 2)
-    u = np.where(kin.seen[:, None, None], -d, hidden)
-    grown = np.einsum("n,na,nbe->abe", m, X, u)
-    change = 2 * np.einsum("aae,bc->bce", grown, np.eye(3)) - grown - grown.swapaxes(0, 1)
-    return d, np.stack([change[i, j] for i, j in SYMMETRIC])
+    shown, hidden = (m[own] @ X[own] for own in (kin.seen, ~kin.seen))
+    square = X[~kin.seen].T * m[~kin.seen] @ X[~kin.seen]
+    turned = np.einsum("bcf,kce,af->kabe", LEVI_CIVITA, turn, square)
+    grown = turned - shown[:, None, None] * d[:, None] - part[..., None] * hidden[:, None, None] * np.eye(3)
+    change = 2 * np.einsum("kaae,bc->kbce", grown, np.eye(3)) - grown - grown.swapaxes(1, 2)
+    return d, np.stack([change[:, i, j] for i, j in SYMMETRIC], 1)
 
 
 def shape_columns(motion: Turning, q: Array) -> tuple[Array, Array]:

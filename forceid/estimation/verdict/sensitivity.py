@@ -19,14 +19,14 @@ from forceid.estimation.verdict.body_errors import (
     after_fit,
     center_inertia,
     columns,
-    marker_map,
+    marker_maps,
     shape_columns,
     turning_of,
     wrong_mass,
 )
 from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.flight.smoother import FlightState
-from forceid.records import Array
+from forceid.records import Array, Flags
 from forceid.rounding import ROUNDED
 
 
@@ -118,28 +118,32 @@ def body_sensitivity(
         motion.moment[every], None if arm is None else arm[every],
     )  # fmt: skip
     force, moment = (gram(c) for c in columns(few))
+    loads = motion.force, motion.moment
     mass = Cost(*(length(v) for v in wrong_mass(few, Unit.PERCENT)))
 
     def cost(d: Array, dJ: Array) -> Cost:
         both = np.concatenate([d, dJ])
-        return Cost(*(largest_rms(G, m) for G, m in ((force, d), (moment, both))))
+        return Cost(*(float(largest_rms(G, m)) for G, m in ((force, d), (moment, both))))
 
     accelerated = state.force + kin.inertia.mass * gravity
     none, shapes = np.zeros((3, 1)), len(kin.shapes) > 0 and kin.attitude
     values, axes = principal(kin.inertia.tensor)
     scale = [Unit.PERCENT * v * np.outer(a, a) for v, a in zip(values, axes.T, strict=True)]
     by_axis = [cost(none, np.array([[dJ[i, j]] for i, j in SYMMETRIC])) for dJ in scale]
-    by_marker = {
-        k: cost(*(Unit.MILLIMETER * part for part in marker_map(kin, k)))
-        for k in (np.flatnonzero(kin.seen).tolist() if kin.attitude and kin.inertia.line is None else ())
-    }
-    worst = max(by_marker, key=lambda k: relative(by_marker[k], motion), default=None)
+    placed, name = Cost(np.nan, np.nan), ""
+    if kin.attitude and kin.inertia.line is None and kin.seen.any():
+        d, dJ = (Unit.MILLIMETER * part for part in marker_maps(kin))
+        each = largest_rms(force, d), largest_rms(moment, np.concatenate([d, dJ], 1))
+        # over the loads themselves, so that markers can be compared
+        over = [c / max(length(v), np.finfo(float).tiny) for c, v in zip(each, loads, strict=True)]
+        worst = int(np.nansum(over, 0).argmax())
+        placed, name = Cost(*(float(c[worst]) for c in each)), node[np.flatnonzero(kin.seen)[worst]]
     return Budget(
         mass,
         cost(Unit.MILLIMETER * np.eye(3), Unit.MILLIMETER * center_inertia(kin)),
         max(by_axis, key=lambda c: c.moment),
-        Cost(np.nan, np.nan) if worst is None else by_marker[worst],
-        "" if worst is None else node[worst],
+        placed,
+        name,
         shape_cost(motion, deformation.amplitude) if shapes else None,
         # accelerations and rates of momentum go with the square of the rate of a clock
         Cost(*(2 * Unit.PERCENT * length(v) for v in (accelerated, motion.moment))),
@@ -178,10 +182,12 @@ def gram(c: Array) -> Array:
     )
 
 
-def largest_rms(G: Array, m: Array) -> float:
-    """Largest rms length over unit directions e of the columns with Gram matrix G times m e."""
-    square = m.T @ G @ m
-    return float(np.sqrt(max(np.linalg.eigvalsh(square)[-1], 0.0))) if np.isfinite(square).all() else np.nan
+def largest_rms(G: Array, m: Array) -> Array:
+    """Largest rms length (...) over unit directions e of the columns with Gram matrix G times m (...) e."""
+    square = m.mT @ G @ m
+    known: Flags = np.asarray(np.isfinite(square).all((-2, -1)))
+    values = np.linalg.eigvalsh(np.where(known[..., None, None], square, 0.0))[..., -1]
+    return np.asarray(np.where(known, np.sqrt(np.maximum(values, 0.0)), np.nan))
 
 
 def length(v: Array) -> float:
@@ -189,9 +195,3 @@ def length(v: Array) -> float:
     square = (v**2).sum(1)
     known = np.isfinite(square)
     return float(np.sqrt(square[known].mean())) if known.any() else np.nan
-
-
-def relative(cost: Cost, motion: Turning) -> float:
-    """A cost over the loads themselves, so that markers can be compared."""
-    of = ((cost.force, length(motion.force)), (cost.moment, length(motion.moment)))
-    return float(np.nansum([c / max(size, 1e-300) for c, size in of]))

@@ -22,7 +22,7 @@ from forceid.estimation.loads.channels import angular_channel
 from forceid.estimation.loads.plain_cut import shows_motion, spectrum_of
 from forceid.estimation.verdict.finding import FEW, SCATTERED
 from forceid.motion import body_axes, fit_rotation, pose_rank, seen_together
-from forceid.principal import cross, cross_matrix, summation_operator
+from forceid.principal import axial, summation_operator
 from forceid.records import Array, Body, Flags, Indices, Motion
 from forceid.rounding import SOLVED
 
@@ -179,9 +179,10 @@ def inertia_and_momentum(time: Array, b: Array, mass: Array) -> tuple[Array, Arr
     J, h = np.full((len(b), 3, 3), np.nan), np.full((len(b), 3), np.nan)
     known = np.asarray(np.isfinite(b).all((1, 2)))
     if known.sum() > 1:
-        arm = cross_matrix(b[known])
-        J[known] = np.einsum("n,tnij,tnkj->tik", mass, arm, arm, optimize=True)
-        h[known] = np.einsum("n,tna->ta", mass, cross(b[known], np.gradient(b[known], time[known], axis=0)))
+        b, time = b[known], time[known]
+        square = (b.mT * mass) @ b
+        J[known] = np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3) - square
+        h[known] = axial((b.mT * mass) @ np.gradient(b, time, axis=0))
     return J, h
 
 

@@ -83,13 +83,14 @@ def told_by(body: Body, name: str, where: str) -> Told:
 def check_frequencies(body: Body, where: str) -> None:
     """Frequencies beside a stiffness are those that mode shapes have by it, up to another mode."""
     shape, stated, K = body.mode_shape, body.mode_frequency, body.stiffness
-    M = body.mass_matrix if body.mass is None else np.diag(np.repeat(body.mass, 3))
-    if shape is None or stated is None or K is None or M is None or K.shape != M.shape:
+    M = body.mass_matrix if body.mass is None else np.repeat(body.mass, 3)
+    if shape is None or stated is None or K is None or M is None or len(K) != len(M):
         return
     flat = shape.reshape(len(shape), -1)
     if flat.shape[1] != len(K):  # nodes that have rotations too: shapes tell their places alone
         return
-    stiff, heavy = np.einsum("ki,ij,kj->k", flat, K, flat), np.einsum("ki,ij,kj->k", flat, M, flat)
+    pushed = flat * M if M.ndim == 1 else flat @ M
+    stiff, heavy = (np.einsum("ki,ki->k", flat, a) for a in (flat @ K, pushed))
     with np.errstate(divide="ignore", invalid="ignore"):
         found = np.sqrt(np.maximum(stiff, 0.0) / heavy) / (2 * np.pi)
     off = ~((found <= OTHER_MODE * stated) & (stated <= OTHER_MODE * found)) & (heavy > 0)

@@ -34,8 +34,8 @@ FOLLOWED = 20  # elastic modes with states in a flight: as many again cost eight
 class Shapes:
     """Shapes (mode, node, 3) of unit norm in which a body deforms, with variances var (mode,) m2.
 
-    rest (dof, k) m: what deforms beside them, one standard deviation each; elastic: their frequencies where the body
-    brings these, None for shapes of which nobody knows how they swing.
+    rest (dof, k) m: what deforms beside them, one standard deviation each; elastic: their frequencies where
+    the body brings these, None for shapes of which nobody knows how they swing.
     """
 
     shape: Array
