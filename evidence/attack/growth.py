@@ -3,8 +3,9 @@
     python -m evidence.attack.growth -o docs [--frames 1000 ...] [--nodes 3 ...] [--modes 0 ...]
 
 Writes growth.md and growth.png. Every estimate is a process of its own, with one thread of BLAS. The flight
-is one in closed form: a path of three sines, a steady spin with a nod, amplitudes that are sines. A line
-a + b n, by least squares of ratios, goes through the sizes of each: what is off it grows otherwise.
+is drawn: gusts push a body that hangs on a soft spring, and make it nod about its steady spin; amplitudes of
+modes are sines. A line a + b n, by least squares of ratios, goes through the sizes of each: what is off it
+grows otherwise.
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 from scipy.optimize import nnls
+from scipy.signal import cont2discrete, lfilter
+from scipy.spatial.transform import Rotation
 
 from evidence.attack.watched import START
-from evidence.live import path, turn
 from evidence.vectors import GRAVITY
 from evidence.written import asked, paged, pictured, table
 from forceid.report.plots.style import BLUE, GRAY, panels
@@ -30,6 +32,8 @@ RATE, NOISE = 200.0, 2e-4  # Hz, m
 FEW, SHORT, BEAM = 8, 300, 60  # nodes where frames grow, frames where others do, nodes that bend
 AT_ONCE = 1 << 14  # frames written at a time
 ALLOWED = 1.3  # times the line
+GUST, FORGETS, SWING = 2.0, 0.1, 0.5  # m/s2, one standard deviation along an axis; s; Hz
+NOD, SPIN = 10.0, 6.0  # rad/s2, of a nod under gusts; rad/s
 Cost = tuple[float, float]  # CPU s, peak memory in MB
 
 
@@ -49,6 +53,15 @@ def body(nodes: int, modes: int, rng: np.random.Generator) -> dict[str, np.ndarr
     return found
 
 
+def swung(samples: int, columns: int, rng: np.random.Generator) -> np.ndarray:
+    """Gusts of unit size (time, column), and what swings under them at SWING: s2 of their unit."""
+    keep = np.exp(-1 / (RATE * FORGETS))
+    gusts = lfilter([np.sqrt(1 - keep**2)], [1.0, -keep], rng.standard_normal((samples, columns)), axis=0)
+    w = 2 * np.pi * SWING
+    b, a, _ = cont2discrete(([1.0], [1.0, w, w**2]), 1 / RATE)
+    return np.asarray(lfilter(b.ravel(), a, gusts, axis=0))
+
+
 def write(file: Path, frames: int, nodes: int, modes: int) -> None:
     """A record of that size: markers on all nodes, with noise."""
     rng = np.random.default_rng([frames, nodes, modes])
@@ -60,6 +73,11 @@ def write(file: Path, frames: int, nodes: int, modes: int) -> None:
         for name, value in about.items():
             f.create_dataset(f"body/{name}", data=value).attrs["units"] = units[name]
         time = np.arange(frames) / RATE
+        swing = swung(frames, 4, rng)
+        center, nod = GUST * swing[:, :3], NOD * swing[:, 3:]
+        R = Rotation.from_rotvec(SPIN * time[:, None] * [0.0, 0.0, 1.0]) * Rotation.from_rotvec(
+            nod * [1.0, 0.0, 0.0]
+        )
         f.create_dataset("motion/time", data=time).attrs["units"] = "s"
         x = f.create_dataset("motion/position", (frames, nodes, 3), float)
         x.attrs.update(units="m", noise_std=NOISE)
@@ -72,7 +90,8 @@ def write(file: Path, frames: int, nodes: int, modes: int) -> None:
             if modes:
                 q = 2e-3 * np.sin(t[:, None] * pace + phase) / np.sqrt(modes)
                 held = held + np.einsum("tm,mna->tna", q, about["mode_shape"])
-            flown = np.einsum("tab,tnb->tna", turn(t), held) + path(t)[:, None]
+            now = slice(first, first + len(t))
+            flown = np.einsum("tab,tnb->tna", R[now].as_matrix(), held) + center[now, None]
             x[first : first + len(t)] = flown + NOISE * rng.standard_normal(flown.shape)
 
 

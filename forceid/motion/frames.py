@@ -210,4 +210,4 @@ def beyond_pose(gain: PoseGain, flat: Array, S: Array) -> tuple[Array, Array, Ar
     size, axes = np.linalg.eigh(0.5 * (information + information.T))
     known = size > SOLVED * size.max(initial=0.0)
     root = np.sqrt(size[known])
-    return leak, (axes[:, known] * root).T, noise.whitened(unit).T @ (axes[:, known] / root)
+    return leak, (axes[:, known] * root).T, noise.reading(unit).T @ (axes[:, known] / root)

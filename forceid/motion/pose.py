@@ -187,7 +187,7 @@ def pose_gain(S: Array, seen: Flags, cov: ReadingCov, own: Array | None = None) 
         return None
     unit = noise.whitened(Ss.T)
     C = np.linalg.inv(unit @ unit.T)
-    return C @ noise.whitened(unit), np.asarray(C), noise
+    return C @ noise.reading(unit), np.asarray(C), noise
 
 
 def pose_rank(S: Array) -> int:

@@ -18,7 +18,7 @@ class ReadingCov:
     coordinates at once. So it takes room and time as there are markers, not as their square.
 
     >>> cov = ReadingCov(np.ones(3), np.ones((3, 1)))
-    >>> np.allclose(cov.whitened(cov.whitened(np.eye(3))), np.linalg.inv(np.eye(3) + 1))
+    >>> np.allclose(cov.reading(cov.whitened(np.eye(3))), np.linalg.inv(np.eye(3) + 1))
     True
     """
 
@@ -56,10 +56,14 @@ class ReadingCov:
         return std, directions, 1 / np.sqrt(1 + size**2) - 1
 
     def whitened(self, a: Array) -> Array:
-        """A times the symmetric root of the inverse, a (..., channel): errors like these become unit ones.
+        """Errors a (..., channel) as unit ones, W a, where W^T W is the inverse of this covariance."""
+        return self.turned(a / self.parts[0])
 
-        Twice, and a is multiplied by the inverse.
-        """
-        std, directions, change = self.parts
-        a = a / std
+    def reading(self, z: Array) -> Array:
+        """Rows z (..., channel) that read whitened errors, as rows that read the errors themselves: z W."""
+        return np.asarray(self.turned(z) / self.parts[0])
+
+    def turned(self, a: Array) -> Array:
+        """A (..., channel), in units of the white part, shrunk along what moves many together."""
+        _, directions, change = self.parts
         return np.asarray(a + (a @ directions * change) @ directions.T) if len(change) else np.asarray(a)

@@ -182,7 +182,7 @@ def fit_amplitudes(
             continue
         seen = noise.seen(pattern, more)
         fit = np.linalg.pinv(np.concatenate([seen.whitened(G[rows].T).T, held]))[6:]
-        told = seen.whitened(fit[:, : rows.sum()])
+        told = seen.reading(fit[:, : rows.sum()])
         q[at] = residual[at][:, pattern].reshape(len(at), -1) @ told.T
         var[at] = (fit**2).sum(1)
     return q, var
