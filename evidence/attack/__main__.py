@@ -14,7 +14,6 @@ import tempfile
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
 
 from evidence.attack.bodies import BASES, write
 from evidence.attack.contradictions import KINDS, Clash
@@ -42,12 +41,10 @@ FAULT_KINDS = (
 )
 PARTS = ("files", "damaged", "surroundings", "outputs", "kills", "units", "contradictions")
 ABOUT = """\
-`{command}`: what was done, how the command ended, and how often something was wrong with that. \
-`unexpected`: an exit code that the contract does not have, or an error that nobody foresaw. \
-`noise on stderr`: warnings of libraries. `late`: over 30 s of CPU, or no end in three minutes. \
-`overwritten`, `lost`, `torn`: of files that were there. `another result`: of one flight by other units or \
-scales, more than 1e-6 of sigma from the plain one. `unnamed`: a refusal that does not name the file. \
-`no next step`: one that does not say what to do."""
+`{command}`: what was done, and how it ended. `unexpected`: no exit code of the contract, or no error \
+foreseen. `noise on stderr`: warnings of libraries. `late`: over 30 s. `overwritten`, `lost`, `torn`: of \
+files that were there. `another result`: of one flight by other units or scales, 1e-6 of sigma off and more. \
+`unnamed`: a refusal that does not name the file. `no next step`: one that does not say what to do."""
 Ended = Iterable[tuple[str, End, list[str]]]
 
 
@@ -80,12 +77,13 @@ def contradictions(folder: Path) -> list[tuple[str, str, End]]:
     return [(kind.name, *told(kind, folder, plainly)) for kind in KINDS]
 
 
-def by_answer(found: Iterable[tuple[str, str]]) -> list[dict[str, Any]]:
-    """Contradictions by how they are told: refused, or said by which codes; how many, and the first."""
-    kinds: dict[str, list[str]] = defaultdict(list)
-    for kind, how in found:
-        kinds["refused, naming variable and value" if how.startswith("refused") else how].append(kind)
-    return [{"told": how, "kinds": len(some), "as": some[0]} for how, some in kinds.items()]
+def by_answer(found: Iterable[tuple[str, str]]) -> str:
+    """How contradictions are told: how many are refused, and how many the verdict says by which codes."""
+    answers = [how for _, how in found]
+    said = Counter(code for how in answers if how.startswith("said") for code in how[6:].split(", "))
+    refused = sum(how.startswith("refused") for how in answers)
+    codes = ", ".join(f"`{code}` {many}" for code, many in said.most_common())
+    return f"{refused} are refused, with variable and value. The verdict says the others: {codes}."
 
 
 def counted(found: Ended) -> tuple[str, list[str]]:
@@ -133,8 +131,8 @@ def main() -> int:
                 found = contradictions(own)
                 silent = sum(how == "silently accepted" for _, how, _ in found)
                 wrong += silent + sum(bool(end.faults()) for *_, end in found)
-                rows = by_answer((kind, how) for kind, how, _ in found)
-                texts += [f"## Contradictions: {silent} of {len(found)} silently accepted", table(rows)]
+                told_as = by_answer((kind, how) for kind, how, _ in found)
+                texts += [f"## Contradictions: {silent} of {len(found)} silently accepted", told_as]
                 continue
             shown, odd = counted(work[part](own))
             wrong += len(odd)

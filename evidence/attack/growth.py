@@ -23,7 +23,6 @@ from scipy.optimize import nnls
 from scipy.signal import cont2discrete, lfilter
 from scipy.spatial.transform import Rotation
 
-from evidence.attack.watched import START
 from evidence.vectors import GRAVITY
 from evidence.written import asked, paged, pictured, table
 from forceid.report.plots.style import BLUE, GRAY, panels
@@ -34,6 +33,14 @@ AT_ONCE = 1 << 14  # frames written at a time
 ALLOWED = 1.3  # times the line
 GUST, FORGETS, SWING = 2.0, 0.1, 0.5  # m/s2, one standard deviation along an axis; s; Hz
 NOD, SPIN = 10.0, 6.0  # rad/s2, of a nod under gusts; rad/s
+MEASURED = """\
+import sys, time
+from forceid.cli.app import main
+code = main()
+peak = open("/proc/self/status").read().partition("VmHWM:")[2].split()[0]
+print(time.process_time(), peak, file=sys.stderr)
+sys.exit(code)
+"""  # an estimate, and then its CPU time and the most memory it held, kB: not what held it before it began
 Cost = tuple[float, float]  # CPU s, peak memory in MB
 
 
@@ -99,19 +106,29 @@ def cost(folder: Path, frames: int, nodes: int, modes: int) -> Cost:
     """CPU time and peak memory of `forceid estimate` on a record of that size."""
     file = folder / "growth.h5"
     write(file, frames, nodes, modes)
-    words = [*START, "estimate", str(file), "-o", str(folder / "growth.result.h5"), "--force", "--quiet"]
-    child = subprocess.Popen(words, env=os.environ | {"OPENBLAS_NUM_THREADS": "1"})
-    _, status, used = os.wait4(child.pid, 0)
-    child.returncode = os.waitstatus_to_exitcode(status)
-    if child.returncode:
-        raise SystemExit(f"{frames} frames, {nodes} nodes, {modes} modes: exit {child.returncode}")
-    found = used.ru_utime + used.ru_stime, used.ru_maxrss / 1e3
+    words = [
+        sys.executable,
+        "-c",
+        MEASURED,
+        "estimate",
+        str(file),
+        "-o",
+        str(folder / "growth.result.h5"),
+        "--force",
+        "--quiet",
+    ]
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+    ended = subprocess.run(words, env=environment, stderr=subprocess.PIPE, text=True)
+    if ended.returncode:
+        raise SystemExit(f"{frames} frames, {nodes} nodes, {modes} modes: {ended.stderr}")
+    seconds, kilobytes = map(float, ended.stderr.split()[-2:])
+    found = seconds, kilobytes / 1e3
     print(frames, nodes, modes, *np.round(found, 2), file=sys.stderr, flush=True)
     return found
 
 
 def line_through(size: Sequence[int], value: np.ndarray) -> np.ndarray:
-    """A and b of the line a + b n through values, neither below zero, by least squares of ratios."""
+    """The line a + b n through values: a and b, neither below zero, by least squares of ratios."""
     rows = np.stack([np.ones(len(size)), np.asarray(size, float)], 1) / value[:, None]
     return np.asarray(nnls(rows, np.ones(len(size)))[0])
 
@@ -156,6 +173,10 @@ def main() -> None:
                 ax.plot(fine, through, color=GRAY, lw=1)
                 ax.plot(n, found[:, k], "o", color=BLUE, ms=4)
                 ax.set_yscale("log")
+                low, high = ax.get_ylim()
+                shown = [m * 10.0**k for k in range(6) for m in (1, 2, 5) if low < m * 10.0**k < high]
+                ax.set_yticks(shown, [f"{v:g}" for v in shown])
+                ax.set_yticks([], minor=True)
                 if way != "modes":
                     ax.set_xscale("log")
                 if not column:

@@ -24,7 +24,7 @@ Edges = tuple[Array, Array]  # lowest and highest (order, axis, 3): of search po
 IN_OCTAVE = 8  # groups of ordinates: over one, a spectrum that falls by w^16 changes by a factor of four
 IMAGES = (0, -1)  # of a spectrum, that samples fold onto its own; at most a percent is in the next
 RATES_SEEN, CROSSINGS_SEEN, NOISES_SEEN = 8, 10, 7  # starts: about two to an octave of a thousand samples
-EVEN = 0.5  # of a step, off those of an even clock: beyond it, a wave near the highest turns by a quarter
+SHIFT = 0.5  # of a step, off those of an even clock: beyond it, a wave near the highest turns by a quarter
 LONGEST_STEP = 1.0  # of a logarithm: about as far as a spectrum is known to bend as it does here
 
 
@@ -50,7 +50,7 @@ def is_even(time: Array) -> bool:
     (True, False)
     """
     tick = np.linspace(time[0], time[-1], len(time))
-    return bool(np.abs(time - tick).max() < EVEN * (tick[1] - tick[0]))
+    return bool(np.abs(time - tick).max() < SHIFT * (tick[1] - tick[0]))
 
 
 def ordinates(samples: int, step: float, color: Color | None) -> Ordinates:

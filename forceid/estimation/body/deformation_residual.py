@@ -29,7 +29,7 @@ from forceid.records import Array, Flags, Motion
 from forceid.rounding import SINGLE, SOLVED
 from forceid.significance import CHANCE, LAGS, SIGMAS
 
-MANY = 64  # markers that a look takes: their numbers tell a variance to a percent in a hundred frames
+LOOK = 64  # markers that a look takes: their numbers tell a variance to a percent in a hundred frames
 GOLDEN = 0.5 * (np.sqrt(5) - 1)  # of a turn from one to the next: the most even of all ways round
 TURNS = 16  # frames, evenly spread, at which what a turn does to errors is looked at
 KNOWN = 0.25  # standard error of a variance, as a part of it: its root is known to an eighth
@@ -72,13 +72,13 @@ class Beyond:
 
 
 def looks(seen: Flags) -> list[Flags]:
-    """Markers (node,) in groups of about MANY at most, each spread over all of them.
+    """Markers (node,) in groups of about LOOK at most, each spread over all of them.
 
     >>> [int(group.sum()) for group in looks(np.ones(130, bool))]
     [45, 43, 42]
     """
     at = np.flatnonzero(seen)
-    count = -(-len(at) // MANY)
+    count = -(-len(at) // LOOK)
     which = (np.arange(len(at)) * GOLDEN % 1 * count).astype(int)
     return [np.isin(np.arange(len(seen)), at[which == k]) for k in range(count)]
 

@@ -21,7 +21,7 @@ from forceid.files.units import si_factor
 from forceid.records import Array, Recording
 
 LARGE = 1 << 30  # bytes of positions: an estimate that holds them takes some ten times as much
-MANY = 4000  # nodes: a covariance of all their components takes a gigabyte
+MANY = 4000  # nodes: an estimate that looks at each of them takes a quarter of a minute
 BLOCK = 1 << 23  # bytes of positions that are looked at together: they stay in the cache
 
 

@@ -43,7 +43,7 @@ def fitted_step(values: Array, part: int) -> float:
     if not step > np.finfo(float).eps * off[-1]:  # nearer to each other than numbers of this size can be
         return 0.0
     while True:  # what is farther away tells it to more digits
-        near = off[off <= reach * step]
+        near = off[: np.searchsorted(off, reach * step, "right")]
         count = np.rint(near / step)
         if np.abs(near / step - count).max() > NO_STEP:
             return 0.0
