@@ -91,22 +91,21 @@ def hidden_mass(markers: MarkerSet) -> HiddenMass | None:
     rigid = summation_operator(shape)
     momentum = rigid.T * np.repeat(mass, 3) if mass.ndim == 1 else rigid.T @ mass
     scale = np.sqrt(np.repeat([inertia.mass, np.trace(inertia.tensor) / 2], 3))
-    root = np.linalg.cholesky(spread**2 * np.eye(free.sum()) + of_fit(markers, rigid[free]))
-    _, size, axes = np.linalg.svd(momentum[:, free] @ root / scale[:, None], full_matrices=False)
+    # each node by itself, and all of them as the rigid motion that is fitted is off
+    fitted = rigid[free] @ of_fit(markers)
+    moved = np.concatenate([spread * momentum[:, free], momentum[:, free] @ fitted], 1)
+    _, size, axes = np.linalg.svd(moved / scale[:, None], full_matrices=False)
     axes = axes[size > SINGLE * size[0]]
     raw = np.zeros((len(axes), len(free)))
-    raw[:, free] = axes @ root.T
+    raw[:, free] = spread * axes[:, :-6] + axes[:, -6:] @ fitted.T
     raw = raw.reshape(len(axes), *shape.shape)
     alpha, shapes = split_rigid(raw, shape, mass)
     return HiddenMass(mass, shape, shapes, -alpha.T, 3 * int(markers.seen.sum()) - 6)
 
 
-def of_fit(markers: MarkerSet, rigid: Array) -> Array:
-    """Covariance (dof, dof) of what rigid motions (dof, 6) are off by as fitted to markers.
-
-    For independent markers of unit variance.
-    """
+def of_fit(markers: MarkerSet) -> Array:
+    """Root (6, 6) of the covariance of a rigid motion fitted to independent markers of unit variance."""
     seen = markers.seen
     S, weight = summation_operator(markers.shape[seen]), np.repeat(markers.weight[seen], 3)
-    fit = rigid @ np.linalg.solve(S.T * weight @ S, S.T * weight)
-    return np.asarray(fit @ fit.T)
+    fit = np.linalg.solve(S.T * weight @ S, S.T * weight)
+    return np.asarray(np.linalg.qr(fit.T, mode="r").T)
