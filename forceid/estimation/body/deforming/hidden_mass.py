@@ -108,4 +108,4 @@ def of_fit(markers: MarkerSet) -> Array:
     seen = markers.seen
     S, weight = summation_operator(markers.shape[seen]), np.repeat(markers.weight[seen], 3)
     fit = np.linalg.solve(S.T * weight @ S, S.T * weight)
-    return np.asarray(np.linalg.qr(fit.T, mode="r").T)
+    return np.asarray(np.linalg.qr(fit.T)[1].T)
