@@ -78,7 +78,7 @@ def looks(seen: Flags) -> list[Flags]:
     [45, 43, 42]
     """
     at = np.flatnonzero(seen)
-    count = -(-len(at) // LOOK)
+    count = max(1, -(-len(at) // LOOK))
     which = (np.arange(len(at)) * GOLDEN % 1 * count).astype(int)
     return [np.isin(np.arange(len(seen)), at[which == k]) for k in range(count)]
 

@@ -111,6 +111,16 @@ def test_record_without_a_whole_frame_shows_no_mode():
     assert principal_deformations(residual, 1.0)[0].shape == (0, 7, 3)
 
 
+def test_few_frames_show_no_more_shapes_than_there_are_frames():
+    residual = 1e-3 * np.random.default_rng(5).standard_normal((4, 30, 3))
+    shapes, var = principal_deformations(residual, 1e-8, most=8)
+    assert len(shapes) == len(var) == 4
+    flat = shapes.reshape(4, -1)
+    np.testing.assert_allclose(flat @ flat.T, np.eye(4), atol=1e-9)
+    still = principal_deformations(np.zeros((4, 30, 3)), 1e-8, most=8)
+    assert len(still[0]) == len(still[1]) == 0
+
+
 def test_amplitudes_are_free_of_pose_errors_and_unknown_where_not_determined():
     rng = np.random.default_rng(9)
     q = 0.01 * rng.standard_normal((300, 1))

@@ -11,6 +11,7 @@ from forceid.estimation.body.deforming.mode_selection import log_evidence, obser
 from forceid.motion import ReadingCov, body_axes, fit_rotation, frames_seen_alike, log
 from forceid.principal import summation_operator
 from forceid.records import Array
+from forceid.rounding import SOLVED
 
 LAG_TURN = 0.5  # rad: over less of a turn, the noise of the rotations would pass for spin
 
@@ -148,7 +149,7 @@ def principal_deformations(residual: Array, noise_var: float, most: int | None =
     width = (root_n + root_p) * (1 / root_n + 1 / root_p) ** (1 / 3)
     count = int((len(frames) * variance > noise_var * (edge + 2 * width)).sum())
     if most is not None:
-        count = min(most, len(variance))
+        count = min(most, int((variance > SOLVED * variance[0]).sum()))  # frames show no more shapes
     shapes = axes[:, :count].T
     if wide:
         shapes = shapes @ frames / np.sqrt(len(frames) * variance[:count, None])
