@@ -190,7 +190,7 @@ def main() -> None:
         about,
         table(rows),
         "![CPU time and memory over frames, nodes and modes](growth.png)",
-        "More than 4000 nodes are reduced to four markers first; more than 50 000 frames go by stretches.",
+        "Beyond 4000 nodes four markers stand for all; beyond 50 000 frames, stretches.",
     )
 
 
