@@ -124,6 +124,6 @@ def page(of: Sequence[Outcome], seed: int, command: str) -> tuple[str, ...]:
     )
     wrong = ", ".join(str(o.number) for o in of if o.silent) or "none"
     return (
-        about, summary(of), f"Silently wrong: records {wrong}.", "By what was drawn:", by_drawn(of),
+        about, summary(of), f"Silently wrong: records `{wrong}`.", "By what was drawn:", by_drawn(of),
         "What degrades in vain:", findings(of),
     )  # fmt: skip
