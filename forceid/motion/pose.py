@@ -136,17 +136,17 @@ def fitted(fit: FrameFit, position: Array, at: Indices) -> tuple[Array, Array, A
     """
     if compiled is None:
         in_numpy = fitted_in_numpy(fit, position[at])
-        return *in_numpy, misfit(in_numpy[3], fit.pattern, fit.gain[2])
+        return *in_numpy, chi_squares(in_numpy[3], fit.pattern, fit.gain[2])
     A, C, noise = fit.gain
     *found, arrived = compiled.fitted(position, at, fit.nodes, fit.shape, fit.start[fit.nodes], A, C)
     if len(hard := np.flatnonzero(arrived != 1)):
         for whole, part in zip(found, fitted_in_numpy(fit, position[at[hard]]), strict=True):
             whole[hard] = part
     center, R, cov, residual = found
-    return center, R, cov, residual, misfit(residual, fit.pattern, noise)
+    return center, R, cov, residual, chi_squares(residual, fit.pattern, noise)
 
 
-def misfit(residual: Array, pattern: Flags, noise: ReadingCov) -> Array:
+def chi_squares(residual: Array, pattern: Flags, noise: ReadingCov) -> Array:
     """Chi-square (time,) of residuals (time, node, 3) of the markers of a pattern (node,)."""
     whole = residual if pattern.all() else residual[:, pattern]
     z = noise.whitened(whole.reshape(len(whole), -1))

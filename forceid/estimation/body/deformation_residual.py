@@ -29,8 +29,8 @@ from forceid.records import Array, Flags, Motion
 from forceid.rounding import SINGLE, SOLVED
 from forceid.significance import CHANCE, LAGS, SIGMAS
 
-LOOK = 64  # markers that a look takes: their numbers tell a variance to a percent in a hundred frames
-GOLDEN = 0.5 * (np.sqrt(5) - 1)  # of a turn from one to the next: the most even of all ways round
+AT_A_LOOK = 64  # markers that a look takes: their numbers tell a variance to a percent in a hundred frames
+GOLDEN_TURN = 0.5 * (np.sqrt(5) - 1)  # of a turn from one to the next: the most even of all ways round
 TURNS = 16  # frames, evenly spread, at which what a turn does to errors is looked at
 KNOWN = 0.25  # standard error of a variance, as a part of it: its root is known to an eighth
 
@@ -72,14 +72,14 @@ class Beyond:
 
 
 def looks(seen: Flags) -> list[Flags]:
-    """Markers (node,) in groups of about LOOK at most, each spread over all of them.
+    """Markers (node,) in groups of about AT_A_LOOK at most, each spread over all of them.
 
     >>> [int(group.sum()) for group in looks(np.ones(130, bool))]
     [45, 43, 42]
     """
     at = np.flatnonzero(seen)
-    count = max(1, -(-len(at) // LOOK))
-    which = (np.arange(len(at)) * GOLDEN % 1 * count).astype(int)
+    count = max(1, -(-len(at) // AT_A_LOOK))
+    which = (np.arange(len(at)) * GOLDEN_TURN % 1 * count).astype(int)
     return [np.isin(np.arange(len(seen)), at[which == k]) for k in range(count)]
 
 

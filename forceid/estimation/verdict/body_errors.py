@@ -26,7 +26,6 @@ from forceid.principal import cross_matrix, summation_operator
 from forceid.records import Array
 from forceid.rounding import SOLVED
 
-LEVI_CIVITA = -cross_matrix(np.eye(3))  # of a cross product (a x b)_i: entry i, j, k of a_j b_k
 SYMMETRIC = [(k, k) for k in range(3)] + [*combinations(range(3), 2)][::-1]  # entries of dJ, in order
 
 
@@ -124,7 +123,7 @@ def marker_maps(kin: Kinematics) -> tuple[Array, Array]:
     # relative to the markers, which are where they are, the nodes without marker move along
     shown, hidden = (m[own] @ X[own] for own in (kin.seen, ~kin.seen))
     square = X[~kin.seen].T * m[~kin.seen] @ X[~kin.seen]
-    turned = np.einsum("bcf,kce,af->kabe", LEVI_CIVITA, turn, square)
+    turned = (cross_matrix(turn.swapaxes(1, 2)) @ square).transpose(0, 3, 2, 1)
     grown = turned - shown[:, None, None] * d[:, None] - part[..., None] * hidden[:, None, None] * np.eye(3)
     change = 2 * np.einsum("kaae,bc->kbce", grown, np.eye(3)) - grown - grown.swapaxes(1, 2)
     return d, np.stack([change[:, i, j] for i, j in SYMMETRIC], 1)
