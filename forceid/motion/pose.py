@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from forceid.compiled import engine as compiled
@@ -171,10 +172,35 @@ def fitted_in_numpy(fit: FrameFit, position: Array) -> tuple[Array, Array, Array
             moving = moving[(d**2 > THOUSANDTH**2 * np.diagonal(C)).any(1)]
         if not len(moving):
             break
+    own = np.broadcast_to(C, (len(position), 6, 6)).copy()
+    for t in moving:
+        center[t], R[t], left = nearest_pose(fit, position[t])
+        own[t] += np.outer(left, left)
     residual = body_axes(position, center, R) - shape
     turn = np.zeros((len(position), 6, 6))
     turn[:, :3, :3] = turn[:, 3:, 3:] = R
-    return center, R, turn @ C @ turn.swapaxes(1, 2), residual
+    return center, R, turn @ own @ turn.swapaxes(1, 2), residual
+
+
+def nearest_pose(fit: FrameFit, position: Array) -> tuple[Array, Array, Array]:
+    """The pose that comes nearest to the fit of a frame (node, 3) that no pose meets, and what is left (6,).
+
+    So where shapes bend markers so far that a turn undoes none of it. Nearest in standard deviations; what
+    is left is an error of this pose, body axes, beside its covariance.
+    """
+    (begun,), (turned,) = fit_rotation(position[None], fit.shape, fit.start)
+    A, C, _ = fit.gain
+    unit = np.linalg.inv(np.linalg.cholesky(C)) @ A
+
+    def pose(move: Array) -> tuple[Array, Array]:
+        return begun + turned @ move[:3], turned @ exp(move[3:])
+
+    def error(move: Array) -> Array:
+        center, R = pose(move)
+        return np.asarray((position - center) @ R - fit.shape)[fit.pattern].ravel()
+
+    found = least_squares(lambda move: unit @ error(move), np.zeros(6), x_scale=np.sqrt(np.diagonal(C)))
+    return *pose(found.x), A @ error(found.x)
 
 
 def pose_gain(S: Array, seen: Flags, cov: ReadingCov, own: Array | None = None) -> PoseGain | None:

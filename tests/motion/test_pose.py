@@ -10,6 +10,7 @@ from forceid.estimation.body.deforming.modes import split_rigid
 from forceid.motion import pose as pose_module
 from forceid.motion.frames import fit_pose
 from forceid.motion.pose import exp, fit_rotation, log, pose_rank
+from forceid.motion.reading_cov import ReadingCov
 from forceid.principal.operator import summation_operator
 
 free = settings(deadline=None, derandomize=True, max_examples=60)
@@ -224,3 +225,33 @@ def test_a_body_stretched_to_a_third_turns_as_its_gauge_says(engine, monkeypatch
     true = np.array([polar(f @ E)[0] for f in F])
     assert np.abs(found.rotation - true).max() < 1e-6
     assert np.abs(found.center - 5.0).max() < 1e-6
+
+
+def test_a_frame_that_no_pose_meets_has_the_nearest_and_claims_what_is_left():
+    """Three markers and three shapes: of forty bodies, the frames where Newton's steps come to no end."""
+    off, met = [], []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        shape, shapes = rng.standard_normal((3, 3)), 0.1 * rng.standard_normal((9, 3))
+        shape -= shape.mean(0)
+        cov = ReadingCov.of(1e-6 * np.eye(9) + shapes @ shapes.T)
+        fit = pose_module.frame_fit(shape, np.ones(3), np.ones(3, bool), cov)
+        bent = (rng.standard_normal((200, 3)) @ shapes.T + 1e-3 * rng.standard_normal((200, 9))).reshape(
+            -1, 3, 3
+        )
+        center, R, claimed, residual, _ = pose_module.fitted(fit, shape + bent, np.arange(200))
+        error = np.concatenate([center, log(R)], 1)
+        left = residual.reshape(200, -1) @ fit.gain[0].T
+        own = R.mT @ claimed[:, :3, :3] @ R
+        hard = np.trace(own, axis1=1, axis2=2) > np.trace(fit.cov[:3, :3]) * (1 + 1e-9)
+        np.testing.assert_allclose(
+            own[hard],
+            fit.cov[:3, :3] + left[hard, :3, None] * left[hard, None, :3],
+            atol=1e-9 * fit.cov.max(),
+        )
+        off.append(error[hard] / np.sqrt(np.diagonal(claimed[hard], axis1=1, axis2=2)))
+        met.append(np.abs(left[~hard]) / np.sqrt(np.diagonal(fit.cov)))
+    off, met = np.concatenate(off), np.concatenate(met)
+    assert len(off) > 50
+    assert (np.median(np.abs(off), 0) < 2.0).all()
+    assert met.max() < 2e-3
