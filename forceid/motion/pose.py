@@ -199,7 +199,10 @@ def nearest_pose(fit: FrameFit, position: Array) -> tuple[Array, Array, Array]:
         center, R = pose(move)
         return np.asarray((position - center) @ R - fit.shape)[fit.pattern].ravel()
 
-    found = least_squares(lambda move: unit @ error(move), np.zeros(6), x_scale=np.sqrt(np.diagonal(C)))
+    def weighed(move: Array) -> Array:
+        return np.asarray(unit @ error(move))
+
+    found = least_squares(weighed, np.zeros(6), x_scale=np.sqrt(np.diagonal(C)))
     return *pose(found.x), A @ error(found.x)
 
 

@@ -5,7 +5,7 @@ from scipy.optimize import minimize
 from scipy.stats import chi2
 
 from forceid.flight.channels import Start, load_chain, search_box, start_of, tuning_segments
-from forceid.flight.tuning import natural, smoothest, tune_loads
+from forceid.flight.tuning import edgeless, natural, smoothest, tune_loads
 from forceid.kalman import StateSpace, discretize, log_likelihood, matern
 from forceid.kalman.tuning.search import maximize, uphill
 from forceid.significance import PATIENCE
@@ -238,7 +238,10 @@ def test_an_axis_with_less_noise_or_more_has_no_say_in_that_of_the_others(third)
 
 
 def test_frames_that_are_gone_from_a_regular_clock_change_no_likelihood():
-    """As steps of two frames, and as ticks that show nothing."""
+    """As steps of two frames, and as ticks that show nothing.
+
+    A search ends where 0.01 of a log-likelihood is left: a seventh of a standard error off.
+    """
     time, z, *_ = three_axes(seed=41, time=200)
     kept = np.random.default_rng(0).uniform(size=len(z)) > 0.1
     kept[[0, -1]] = True
@@ -247,8 +250,8 @@ def test_frames_that_are_gone_from_a_regular_clock_change_no_likelihood():
     ticks, steps = (
         tune_loads(time[k], a[k], GAIN, var[k], still, orders=(2,)) for a, k in ((gone, ...), (z, kept))
     )
-    np.testing.assert_allclose(steps.kernel.std, ticks.kernel.std, rtol=0.02)
-    np.testing.assert_allclose(steps.kernel.rate, ticks.kernel.rate, rtol=0.02)
+    np.testing.assert_allclose(steps.kernel.std, ticks.kernel.std, rtol=0.04)
+    np.testing.assert_allclose(steps.kernel.rate, ticks.kernel.rate, rtol=0.04)
     at = (2, steps.kernel.std, steps.kernel.rate, NOISE)
     assert evidence(time, gone, *at) == pytest.approx(steps.log_likelihood, abs=0.05)
 
@@ -262,3 +265,13 @@ def test_a_search_that_begins_near_ends_where_one_from_afar_does():
     assert near.kernel.order == found.kernel.order
     assert near.log_likelihood == pytest.approx(found.log_likelihood, abs=0.1)
     np.testing.assert_allclose(near.noise, found.noise, rtol=0.02)
+
+
+def test_the_rate_is_the_mean_of_what_a_record_leaves_likely_where_that_is_a_beta_distribution():
+    low, high = np.array([[0.0, -1.0]]), np.array([[0.0, 3.0]])
+    u = np.linspace(0.001, 0.999, 999)
+    points = np.stack([0 * u, -1.0 + 4.0 * u], 1)[None]
+    for a, b in ((1, 1), (1, 2), (3, 1), (8, 5)):
+        likelihood = (a - 1) * np.log(u) + (b - 1) * np.log(1 - u)
+        peak = u[(likelihood + edgeless(points, low, high)[0]).argmax()]
+        assert peak == pytest.approx(a / (a + b), abs=1e-3)
