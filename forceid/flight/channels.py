@@ -14,6 +14,7 @@ from forceid.kalman.building.process import Process, superpose
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
 from forceid.rounding import SINGLE
+from forceid.significance import WHOLE
 
 CHANNEL_SAMPLES = 2048  # that a search on channels looks at, or a mean over a record: known to 2 %
 MEAN = 2  # state of a chain that is the mean of its load; those of the kernel follow
@@ -130,7 +131,8 @@ def colored(chain: Process, gain: float, noise_var: Array, color: Color | None) 
     if color is None:
         return chain, noise_var
     steady = np.nanmin(noise_var, axis=0)
-    return superpose(chain, color.process(steady / gain**2)), noise_var - color.share * steady
+    held = np.minimum(color.remembered(steady), WHOLE * steady)  # of errors that a search makes smaller
+    return superpose(chain, color.process(held / gain**2)), noise_var - held
 
 
 def on_clock(time: Array, *rows: Array) -> tuple[Array, ...]:

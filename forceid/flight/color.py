@@ -19,13 +19,15 @@ from forceid.records import Array
 class Color:
     """Errors of which a share of the variance is a Matern process of an order and rate 1/s; white the rest.
 
-    step s: of the samples that the white part belongs to.
+    step s: of the samples that the white part belongs to; size: the std of what has a memory, where it is
+    that at all times and along all axes; None where it is the share of whatever the errors are.
     """
 
     order: int
     rate: float
     share: float
     step: float
+    size: float | None = None
 
     def density(self, w: Array) -> Array:
         """Spectral density at w (...) rad/s over that of white errors of the same variance.
@@ -44,9 +46,13 @@ class Color:
         """What passes of these errors in a second derivative, over white ones: see `passed`."""
         return passed(self.density, gain, self.step)
 
+    def remembered(self, var: Array) -> Array:
+        """Variances (...) of what has a memory of errors of variances var (...)."""
+        return self.share * var if self.size is None else np.full(np.shape(var), self.size**2)
+
     def process(self, var: Array) -> Process:
-        """The errors with a memory of channels whose errors have variances var (...)."""
-        return matern(self.order, np.sqrt(self.share * var), np.full(np.shape(var), self.rate))
+        """Errors with a memory, of variances var (...)."""
+        return matern(self.order, np.sqrt(var), np.full(np.shape(var), self.rate))
 
     def beside(self, model: StateSpace, root: Array, step: Array) -> StateSpace:
         """A model of which the errors of covariance root root^T, root (time, channel, error), are colored so.
@@ -54,11 +60,12 @@ class Color:
         R of the model is left what is white of them; the states of the errors follow its own.
         """
         one, errors, T = matern(self.order, 1.0, self.rate), root.shape[-1], len(root)
+        root = np.sqrt(self.share) * root if self.size is None else self.size * np.eye(*root.shape[1:])
         unique, which = np.unique(np.round(step, 12), return_inverse=True)
         each = discretize_steps(one, unique)
         F, Q = (np.asarray(np.kron(np.eye(errors), a)[which], float) for a in each)
-        H = np.zeros((*root.shape[:-1], errors * self.order))
-        H[..., :: self.order] = np.sqrt(self.share) * root
+        H = np.zeros((T, root.shape[-2], errors * self.order))
+        H[..., :: self.order] = root
         more = F.shape[-1]
 
         def beyond(own: Array, further: Array) -> Array:
@@ -67,7 +74,7 @@ class Color:
         return StateSpace(
             beyond(model.F, F), beyond(model.Q, Q),
             np.concatenate([np.broadcast_to(model.H, (T, *model.H.shape[-2:])), H], -1),
-            model.R - self.share * root @ root.mT, np.pad(model.x0, (0, more)),
+            model.R - root @ root.mT, np.pad(model.x0, (0, more)),
             block_diagonal(model.P0, np.asarray(np.kron(np.eye(errors), one.P0), float)),
             None if model.u is None else np.pad(model.u, ((0, 0), (0, more))),
         )  # fmt: skip
@@ -156,13 +163,12 @@ class SharedErrors:
     def beside(self, var: Array) -> Color:
         """The color of the errors of a mass center of variances var (...) in all, white but for these."""
         share = min(self.std**2 / max(float(np.nanmedian(var)), self.std**2), 1.0)
-        return Color(1, self.rate, share, self.step)
+        return Color(1, self.rate, share, self.step, self.std)
 
     def colored(self, model: StateSpace, step: Array) -> StateSpace:
         """A model whose channels begin with the mass center, with states of these errors."""
         root = np.zeros((len(step) + 1, model.R.shape[-1], 3))
-        root[:, :3] = self.std * np.eye(3)
-        return Color(1, self.rate, 1.0, self.step).beside(model, root, step)
+        return Color(1, self.rate, 1.0, self.step, self.std).beside(model, root, step)
 
 
 Colored = Color | LowPassed

@@ -15,7 +15,7 @@ import numpy as np
 from forceid.flight.channels import Channel, load_axes, runs_of
 from forceid.flight.color import SharedErrors
 from forceid.flight.priors.protocol import LoadPrior
-from forceid.flight.spectral_start import FIRST_ORDER, Channels, Sight, first_sight
+from forceid.flight.spectral_start import ENOUGH_SAMPLES, FIRST_ORDER, Channels, Sight, first_sight
 from forceid.flight.tuning import FREE, ORDERS, search_boxes
 from forceid.kalman.engines import Engine
 from forceid.records import Array
@@ -94,8 +94,9 @@ def seen_alone(
 
 def lasting(channel: Channel, axes: Array, engine: Engine, shared: SharedErrors) -> bool:
     """Whether each half of a record is likelier with the errors than without: cameras sway all the time."""
-    middle = len(channel.time) // 2
-    for half in (slice(0, middle), slice(middle, None)):
+    count = len(channel.time)
+    most = max(-(-count // 2), ENOUGH_SAMPLES)  # halves of a short record overlap
+    for half in (slice(0, most), slice(max(count - most, 0), None)):
         time, z, cov = (a[half] for a in (channel.time, channel.z, channel.noise_cov))
         sight = seen_alone(replace(channel, time=time, z=z, noise_cov=cov), axes, engine)
         if sight is None:
