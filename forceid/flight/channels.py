@@ -14,7 +14,6 @@ from forceid.kalman.building.process import Process, superpose
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
 from forceid.rounding import SINGLE
-from forceid.significance import WHOLE
 
 CHANNEL_SAMPLES = 2048  # that a search on channels looks at, or a mean over a record: known to 2 %
 MEAN = 2  # state of a chain that is the mean of its load; those of the kernel follow
@@ -130,9 +129,8 @@ def colored(chain: Process, gain: float, noise_var: Array, color: Color | None) 
     """A chain beside what has a memory of the noise of its channel, and the variance that is white."""
     if color is None:
         return chain, noise_var
-    steady = np.nanmin(noise_var, axis=0)
-    held = np.minimum(color.remembered(steady), WHOLE * steady)  # of errors that a search makes smaller
-    return superpose(chain, color.process(held / gain**2)), noise_var - held
+    held, white = color.parts(noise_var)
+    return superpose(chain, color.process(held / gain**2)), white
 
 
 def on_clock(time: Array, *rows: Array) -> tuple[Array, ...]:

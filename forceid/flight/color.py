@@ -13,6 +13,7 @@ from forceid.kalman.building.clock import discretize_steps
 from forceid.kalman.building.process import Process, block_diagonal, matern, matern_density
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
+from forceid.significance import WHOLE
 
 
 @dataclass(frozen=True)
@@ -46,9 +47,18 @@ class Color:
         """What passes of these errors in a second derivative, over white ones: see `passed`."""
         return passed(self.density, gain, self.step)
 
-    def remembered(self, var: Array) -> Array:
-        """Variances (...) of what has a memory of errors of variances var (...)."""
-        return self.share * var if self.size is None else np.full(np.shape(var), self.size**2)
+    def parts(self, var: Array) -> tuple[Array, Array]:
+        """Variances (axis,) of what has a memory in errors of variances var (time, axis), and (time, axis) of
+        what is white.
+
+        The first as it is mostly: of markers on one face it changes as they turn.
+        """
+        if self.size is None:
+            return self.share * np.nanmedian(var, axis=0), (1 - self.share) * var
+        held = np.minimum(
+            self.size**2, WHOLE * np.nanmin(var, axis=0)
+        )  # of errors that a search makes smaller
+        return held, var - held
 
     def process(self, var: Array) -> Process:
         """Errors with a memory, of variances var (...)."""

@@ -2,10 +2,12 @@
 
 import numpy as np
 from scipy.linalg import expm
+from scipy.signal import lfilter
 from scipy.stats import multivariate_normal
 
 from forceid.flight.channels import driven, load_chain, start_of
 from forceid.flight.color import Color, SharedErrors, autocorrelation, root_of
+from forceid.flight.tuning import tune_loads
 from forceid.kalman.building.process import matern
 from forceid.kalman.building.sensors import colored
 from forceid.kalman.engines import engine
@@ -72,3 +74,16 @@ def test_a_channel_by_itself_has_the_same_errors_beside_its_load():
         alone = StateSpace(F, Q, H[0], plain.R[:, k], plain.x0[k], plain.P0[k])
         held = color.beside(alone, np.ones((60, 1, 1)), np.diff(time))
         assert np.isclose(engine().log_likelihood(held, z[:, k : k + 1]), both[k])
+
+
+def test_errors_with_a_memory_of_markers_that_turn_pass_for_no_load():
+    """Their variance along an axis comes and goes with the turn."""
+    time, color = 0.01 * np.arange(400), Color(1, 15.0, 0.8, 0.01)
+    var = 1e-6 * (0.05 + np.sin(4 * time[:, None] + [0.0, 1.0, 2.0]) ** 2)
+    keeps = np.exp(-0.15)
+    for seed in range(10):
+        rng = np.random.default_rng([seed, 5])
+        memory = lfilter([np.sqrt(1 - keeps**2)], [1.0, -keeps], rng.standard_normal((600, 3)), axis=0)[200:]
+        z = np.sqrt(var) * (np.sqrt(0.8) * memory + np.sqrt(0.2) * rng.standard_normal((400, 3)))
+        found = tune_loads(time, z, 1.0, var, np.zeros(3), orders=(2, 4), color=color)
+        assert found.kernel.std.max() < 1e-5  # m/s2; taken for loads, the errors are of 1e-2

@@ -192,7 +192,7 @@ def errors_gain(beyond: Beyond, errors: MarkerErrors, engine: Engine) -> float:
     if isinstance(color := errors.color, Color):
         numbers, one = 3.0, np.ones(y.shape[1])
         rest = np.full_like(y, (1 - color.share) * var)
-        model = driven(color.process(color.remembered(var * one)), 1.0, rest, 0 * one, np.diff(beyond.time))
+        model = driven(color.process(color.share * var * one), 1.0, rest, 0 * one, np.diff(beyond.time))
         own = float(engine.log_likelihood(model, y[..., None]).sum())
     return own - white - 0.5 * numbers * float(np.log(beyond.frames))
 
