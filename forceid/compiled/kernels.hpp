@@ -65,7 +65,7 @@ struct Steps {
 
 // kalman/whitening.hpp
 struct Whitening {
-  Out (*whitened)(Array F, Array H, Array K, Array W, Array signal);
+  Out (*whitened)(Array F, Array H, Array K, Array W, Array move, Array turn, Array moved, Array pushed);
 };
 
 // flight/spectra.hpp

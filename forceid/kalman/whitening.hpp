@@ -1,4 +1,4 @@
-// Signals sent through the gains of a filter: see `whiten` in building/lines.py.
+// Loads as a filter that knows nothing of them sees them: see `whitened_lines` in building/line_search.py.
 
 namespace {
 namespace whitening {
@@ -34,28 +34,38 @@ struct Sparse {
   }
 };
 
-// F (1 or time - 1, n, n), H (1 or time, m, n), K (time, n, m), W (time, m, m), signal (time, m, column) -> as that
-Out whitened(Array F_, Array H_, Array K_, Array W_, Array signal) {
+// White errors (time, m, direction * load) of loads that begin at rest, in the loop that a filter closes: the error d
+// of its states becomes F (d - K H d) + push. F (1 or time - 1, n, n), H (1 or time, m, n), K (time, n, m), W (time, m,
+// m). A load pushes states 0 to 2 by move (1 or time - 1, 3, direction) times moved (time - 1, load), and states 3 to 5
+// by turn (3, direction) times pushed (time - 1, load).
+Out whitened(Array F_, Array H_, Array K_, Array W_, Array move, Array turn, Array moved, Array pushed) {
   const Sparse F(F_), H(H_), K(K_), W(W_);
-  const Size T = signal.shape(0), m = signal.shape(1), columns = signal.shape(2), n = F.rows;
+  const Size T = K.time, m = H.rows, n = F.rows, loads = moved.shape(1), columns = turn.shape(1) * loads;
+  const Size directions = turn.shape(1), steps = move.shape(0);
   Out out({T, m, columns});
-  strips::Memory x(n * BLOCK), next(n * BLOCK), error(m * BLOCK), white(m * BLOCK);
+  strips::Memory d(n * BLOCK), next(n * BLOCK), error(m * BLOCK), white(m * BLOCK);
   for (Size first = 0; first < columns; first += BLOCK) {
     const Size width = std::min<Size>(BLOCK, columns - first);
-    std::fill(x.begin(), x.end(), 0.0);
-    std::fill(error.begin(), error.end(), 0.0);
+    std::fill(d.begin(), d.end(), 0.0);
     for (Size k = 0; k < T; ++k) {
-      const Size at = k * m * columns + first;
-      for (Size c = 0; c < m; ++c) std::copy(signal.data() + at + c * columns, signal.data() + at + c * columns + width, &error[c * BLOCK]);
-      H.add(k, x.data(), error.data(), -1.0);
+      std::fill(error.begin(), error.end(), 0.0);
       std::fill(white.begin(), white.end(), 0.0);
+      H.add(k, d.data(), error.data(), 1.0);
       W.add(k, error.data(), white.data(), 1.0);
-      for (Size c = 0; c < m; ++c) std::copy(&white[c * BLOCK], &white[c * BLOCK] + width, out.data() + at + c * columns);
+      for (Size c = 0; c < m; ++c)
+        std::copy(&white[c * BLOCK], &white[c * BLOCK] + width, out.data() + (k * m + c) * columns + first);
       if (k + 1 == T) break;
-      K.add(k, error.data(), x.data(), 1.0);
+      K.add(k, error.data(), d.data(), -1.0);
       std::fill(next.begin(), next.end(), 0.0);
-      F.add(k, x.data(), next.data(), 1.0);
-      std::swap(x, next);
+      F.add(k, d.data(), next.data(), 1.0);
+      const double *by = move.data() + (steps > 1 ? k : 0) * 3 * directions;
+      for (Size i = 0; i < 3; ++i)
+        for (Size c = 0; c < width; ++c) {
+          const Size direction = (first + c) / loads, load = k * loads + (first + c) % loads;
+          next[i * BLOCK + c] += by[i * directions + direction] * moved.data()[load];
+          next[(3 + i) * BLOCK + c] += turn.data()[i * directions + direction] * pushed.data()[load];
+        }
+      std::swap(d, next);
     }
   }
   return out;

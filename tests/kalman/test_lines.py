@@ -13,6 +13,7 @@ from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
 from forceid.flight.tuning import tune_loads
 from forceid.kalman import filter as kalman_filter
 from forceid.kalman import log_likelihood, smooth
+from forceid.kalman.building import line_search
 from forceid.kalman.building.line_search import (
     Candidate,
     excite,
@@ -20,7 +21,7 @@ from forceid.kalman.building.line_search import (
     let_drift,
     line_candidates,
     line_evidence,
-    whiten,
+    whitened_lines,
 )
 from forceid.kalman.building.lines import PER_CYCLE, Line
 from forceid.kalman.building.process import discretize
@@ -144,15 +145,42 @@ def test_response_to_a_unit_line_is_that_of_the_chain_that_holds_it():
             x = model.at("F", min(k, COUNT - 2)) @ x
 
 
-def test_signal_through_the_gains_is_what_it_adds_to_the_innovations():
+ROOT = np.array([2j * np.pi * 20.0 - 1e-4, 2j * np.pi * 7.0 - 3.0])
+
+
+def test_lines_whitened_are_what_they_add_to_the_innovations():
     model, (z, _) = model_of(), recorded(1)
     z[100:120] = np.nan
     z[200, 1] = np.nan
-    more = np.sin(0.1 * np.arange(COUNT))[:, None] * np.array([1e-4, -2e-4, 3e-4])
-    before, after = kalman_filter(model, z), kalman_filter(model, z + more)
-    added = whiten(model, before, more[..., None])[..., 0]
-    difference = np.nan_to_num(after.innovation - before.innovation)
-    np.testing.assert_allclose(added[np.isfinite(z)], difference[np.isfinite(z)], atol=1e-9)
+    before, more = kalman_filter(model, z), excite(model, TIME, TURN, ROOT)
+    white = whitened_lines(model, before, TIME, TURN, ROOT)
+    for line_ in np.ndindex(3, 2, 2):
+        added = white[(..., *line_)]
+        after = kalman_filter(model, z + more[(..., *line_)])
+        difference = np.nan_to_num(after.innovation - before.innovation)
+        np.testing.assert_allclose(added[np.isfinite(z)], difference[np.isfinite(z)], atol=1e-8)
+
+
+def test_compiled_lines_are_those_of_numpy(monkeypatch):
+    model, (z, _) = model_of(), recorded(1)
+    filtered = kalman_filter(model, z)
+    found = whitened_lines(model, filtered, TIME, TURN, ROOT)
+    monkeypatch.setattr(line_search, "compiled", None)
+    np.testing.assert_allclose(whitened_lines(model, filtered, TIME, TURN, ROOT), found, atol=1e-11)
+
+
+def test_lines_on_a_flight_that_leaves_its_path_by_itself_keep_their_digits():
+    """As a turn about the middle axis: the motion of a line grows by e^50, what a filter misses does not."""
+    model, (z, _) = model_of(), recorded(1)
+    step = np.diff(TIME)
+    F = np.broadcast_to(model.F, (len(step), *model.F.shape[-2:])).copy()
+    F[:, :3, :3] *= np.exp(50.0 * step / TIME[-1])[:, None, None]  # it leaves
+    leaving = replace(model, F=F, Q=np.broadcast_to(model.Q, F.shape))
+    filtered = kalman_filter(leaving, z)
+    white = whitened_lines(leaving, filtered, TIME, TURN, ROOT[:1])
+    assert np.abs(excite(leaving, TIME, TURN, ROOT[:1])[-1]).max() > 1e12 * np.abs(white).max()
+    late = np.abs(white[-50:]).max() / np.abs(white[100:150]).max()
+    assert 0.5 < late < 2.0
 
 
 def test_evidence_is_the_likelihood_that_the_model_with_the_line_gains():
@@ -160,8 +188,7 @@ def test_evidence_is_the_likelihood_that_the_model_with_the_line_gains():
     z, _ = recorded(2, (line(),))
     model = model_of()
     filtered = kalman_filter(model, z)
-    signal = excite(model, TIME, TURN, np.array([2j * np.pi * 20.0 - 1e-4]))
-    white = whiten(model, filtered, signal.reshape(COUNT, 3, -1)).reshape(signal.shape)
+    white = whitened_lines(model, filtered, TIME, TURN, np.array([2j * np.pi * 20.0 - 1e-4]))
     information = np.einsum("tcafi,tcbfj->faibj", white, white)[0]
     told = np.einsum("tcafi,tc->fai", white, filtered.innovation)[0]
     for axes in ((0,), (0, 2)):

@@ -20,7 +20,7 @@ from forceid.kalman.building.line_search import (
     find_line,
     let_drift,
     line_candidates,
-    whiten,
+    whitened_lines,
 )
 from forceid.kalman.building.lines import Line, axes_left, near
 from forceid.kalman.engines import Engine
@@ -197,7 +197,7 @@ def hidden_variance(
     root = np.array([2j * np.pi * line.frequency - line.bandwidth])
     signal = excite(model, flight.time, prior.axes, root)[:, :, :, 0]
     filtered = engine.filter(model, z)
-    white = whiten(model, filtered, signal.reshape(*signal.shape[:2], -1)).reshape(signal.shape)
+    white = whitened_lines(model, filtered, flight.time, prior.axes, root)[:, :, :, 0]
     phase = np.exp(root[0] * (flight.time - flight.time[0]))
     rest = replace(model, x0=0 * model.x0, u=None)
     seen = np.where(np.isfinite(z)[:, None], np.moveaxis(signal, 1, -1).reshape(len(z), 6, -1), np.nan)

@@ -20,7 +20,7 @@ from forceid.compiled import engine as compiled
 from forceid.kalman.building.lines import PER_CYCLE, Line
 from forceid.kalman.model import Filtered, StateSpace, expand, same_at_all_times
 from forceid.records import Array
-from forceid.rounding import ITERATIONS, ROUNDED
+from forceid.rounding import ITERATIONS, ROUNDED, SINGLE
 from forceid.significance import MEDIAN, NUMBER, OUTLIER, PATIENCE, SIGMAS
 
 COHERENT = 1e-4  # bandwidth times record length of a line that keeps its phase
@@ -113,45 +113,73 @@ def winsorized(innovation: Array) -> Array:
     return np.asarray(np.clip(v, -OUTLIER * typical, OUTLIER * typical))
 
 
-def whiten(model: StateSpace, filtered: Filtered, signal: Array) -> Array:
-    """Signals (time, channel, column) as innovations of a filter whose gains they go through, whitened."""
+def whitened_lines(
+    model: StateSpace,
+    filtered: Filtered,
+    time: Array,
+    axes: Array,
+    root: NDArray[np.complexfloating[Any, Any]],
+) -> Array:
+    """What unit lines from rest leave in whitened innovations: (time, channel, direction, root, 2).
+
+    model: the first three states move, the next three are the momentum along `axes` (columns, world), which
+    the load changes; directions: world x, y, z; root (root,) 1/s: loads Re and -Im of exp(root t), the two
+    states of a line at the first sample. In the loop that the filter closes: where a body turns about an
+    axis that it leaves by itself, the motion alone would grow until rounding is all that is left of it.
+    """
     F, H = (a[None] if a.ndim == 2 else a[:1] if same_at_all_times(a) else a for a in (model.F, model.H))
-    gains = filtered.gains
-    K, W = (expand(a, gains.start, gains.time) for a in (gains.K, gains.W))
+    gains, step = filtered.gains, np.diff(time)
+    K, W = (np.asarray(expand(a, gains.start, gains.time)) for a in (gains.K, gains.W))
+    move, *loads = pushes(F, step, time, axes, root)
     if compiled is not None:
-        return np.asarray(compiled.whitened(F, H, K, W, signal))
-    F, H = (np.broadcast_to(a, (len(signal), *a.shape[1:])) if len(a) == 1 else a for a in (F, H))
-    error, x = np.empty(signal.shape), np.zeros((H.shape[2], signal.shape[2]))
-    for k in range(len(signal)):
-        error[k] = signal[k] - H[k] @ x
-        if k < len(signal) - 1:
-            x = F[k] @ (x + K[k] @ error[k])
+        white = compiled.whitened(F, H, K, W, move, np.ascontiguousarray(axes.T), *loads)
+    else:
+        white = whitened_in_numpy((F, H, K, W), move, axes.T, *loads)
+    return np.asarray(white).reshape(len(time), H.shape[1], 3, len(root), 2)
+
+
+def pushes(
+    F: Array, step: Array, time: Array, axes: Array, root: NDArray[np.complexfloating[Any, Any]]
+) -> tuple[Array, Array, Array]:
+    """How a load moves the first three states, (1 or step, 3, direction), and the integrals (step, 2 root) of
+    lines that move them, and that change the momentum.
+    """
+    turned = root * step[:, None]
+    phase, grown = np.exp(root * (time[:-1] - time[0])[:, None]), np.expm1(turned)
+    even = len(F) == 1 and np.ptp(step) < SINGLE * step[0]
+    move = F[:, :3, 3:6] @ axes.T / (step[:1] if even else step)[:, None, None]
+    both = ((grown - turned) / root**2 * phase, grown / root * phase)
+    moved, pushed = (np.stack([a.real, -a.imag], -1).reshape(len(step), -1) for a in both)
+    return np.ascontiguousarray(move), moved, pushed
+
+
+def whitened_in_numpy(
+    filter_: tuple[Array, Array, Array, Array], move: Array, turn: Array, moved: Array, pushed: Array
+) -> Array:
+    """White errors (time, channel, direction * load), as the compiled form works them out."""
+    K, W = filter_[2:]
+    F, H = (np.broadcast_to(a, (len(K), *a.shape[1:])) if len(a) == 1 else a for a in filter_[:2])
+    move = np.broadcast_to(move, (len(moved), *move.shape[1:])) if len(move) == 1 else move
+    error, d = np.empty((len(K), H.shape[1], 3 * moved.shape[1])), np.zeros((H.shape[2], 3 * moved.shape[1]))
+    for k in range(len(K)):
+        error[k] = H[k] @ d
+        if k < len(K) - 1:
+            d = F[k] @ (d - K[k] @ error[k])
+            d[:3] += np.einsum("ij,q->ijq", move[k], moved[k]).reshape(3, -1)
+            d[3:6] += np.einsum("ij,q->ijq", turn, pushed[k]).reshape(3, -1)
     return np.asarray(W @ error)
 
 
 def excite(model: StateSpace, time: Array, axes: Array, root: NDArray[np.complexfloating[Any, Any]]) -> Array:
-    """What the channels see of unit lines from rest: (time, channel, direction, root, 2).
-
-    model: the first three states move, the next three are the momentum along `axes` (columns, world), which
-    the load changes; directions: world x, y, z; root (root,) 1/s: loads Re and -Im of exp(root t), the two
-    states of a line at the first sample.
-    """
-    step = np.diff(time)
-    F, H = np.broadcast_to(model.F, (len(step), *model.F.shape[-2:]))[:, :6, :6], model.H[..., :6]
-    turned = root * step[:, None]  # (step, root)
-    phase = np.exp(root * (time - time[0])[:, None])
-    grown = np.expm1(turned)
-    pushed, moved = grown / root * phase[:-1], (grown - turned) / root**2 * phase[:-1]
-    x = np.zeros((len(time), 6, 3, len(root)), complex)
-    by_load = x[1:]
-    by_load[:, :3] = (F[:, :3, 3:] @ axes.T / step[:, None, None])[..., None] * moved[:, None, None]
-    by_load[:, 3:] = axes.T[..., None] * pushed[:, None, None]
-    moving = x.view(float).reshape(len(time), 6, -1)  # the real F takes both parts alike
-    for F_k, now, then in zip(F, moving[:-1], moving[1:], strict=True):
+    """What channels see of unit lines from rest: (time, channel, direction, root, 2), as `whitened_lines`."""
+    F, H = np.broadcast_to(model.F, (len(time) - 1, *model.F.shape[-2:]))[:, :6, :6], model.H[..., :6]
+    move, moved, pushed = pushes(F, np.diff(time), time, axes, root)
+    x = np.zeros((len(time), 6, 3 * moved.shape[1]))
+    x[1:, :3] = np.einsum("kij,kq->kijq", move, moved).reshape(len(moved), 3, -1)
+    x[1:, 3:] = np.einsum("ij,kq->kijq", axes.T, pushed).reshape(len(moved), 3, -1)
+    for F_k, now, then in zip(F, x[:-1], x[1:], strict=True):
         then += F_k @ now
-    seen: Array = (H @ moving).reshape(len(time), -1, *x.shape[2:], 2)
-    seen[..., 1] *= -1
-    return seen
+    return np.asarray((H @ x).reshape(len(time), -1, 3, len(root), 2))
 
 
 def line_evidence(information: Array, vector: Array, axes: tuple[int, ...]) -> tuple[Array, Array]:
@@ -205,8 +233,7 @@ def find_line(
     count = np.array([len(along) for along in sets])
 
     def gains(frequency: Array, decay: Array) -> tuple[Array, Array]:
-        signal = excite(model, time, axes, 2j * np.pi * frequency - decay)
-        white = whiten(model, filtered, signal.reshape(*signal.shape[:2], -1)).reshape(signal.shape)
+        white = whitened_lines(model, filtered, time, axes, 2j * np.pi * frequency - decay)
         information = np.einsum("tcafi,tcbfj,c->faibj", white, white, 1 / level, optimize=True)
         vector = np.einsum("afi->fai", np.tensordot(v / level, white, 2))
         gained, std = np.moveaxis(np.array([line_evidence(information, vector, s) for s in sets]), 0, -1)
