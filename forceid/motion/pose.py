@@ -190,7 +190,9 @@ def nearest_pose(fit: FrameFit, position: Array) -> tuple[Array, Array, Array]:
     """
     (begun,), (turned,) = fit_rotation(position[None], fit.shape, fit.start)
     A, C, _ = fit.gain
-    unit = np.linalg.inv(np.linalg.cholesky(C)) @ A
+    std = np.sqrt(np.diagonal(C))
+    size, axes = np.linalg.eigh(C / std / std[:, None])
+    unit = (axes / np.sqrt(np.maximum(size, SINGLE))).T / std
 
     def pose(move: Array) -> tuple[Array, Array]:
         return begun + turned @ move[:3], turned @ exp(move[3:])
@@ -200,9 +202,9 @@ def nearest_pose(fit: FrameFit, position: Array) -> tuple[Array, Array, Array]:
         return np.asarray((position - center) @ R - fit.shape)[fit.pattern].ravel()
 
     def weighed(move: Array) -> Array:
-        return np.asarray(unit @ error(move))
+        return np.asarray(unit @ (A @ error(move)))
 
-    found = least_squares(weighed, np.zeros(6), x_scale=np.sqrt(np.diagonal(C)))
+    found = least_squares(weighed, np.zeros(6), x_scale=std)
     return *pose(found.x), A @ error(found.x)
 
 
