@@ -40,7 +40,6 @@ DOUBT = (
 )
 AT_LIMIT = 0.05  # of a logarithm: a noise this near to the least allowed would be smaller
 PROBE = 0.02  # of a logarithm: over which a likelihood is differenced; a hundredth of its top's width
-AT_EDGE = 1e-4  # of the box: so near its edge a search is at it; less than its differences
 LEAK = 0.01  # of the load on the strongest axis
 
 
@@ -59,7 +58,7 @@ def tune_loads(
     pieces: Pieces | None = None,
     stated: Stated | None = None,
 ) -> Tuned:
-    """Matern prior of the loads that drive channels z'' = gain * load, the likeliest for rates all alike.
+    """Matern prior of the loads that drive channels z'' = gain * load, by maximum likelihood.
 
     time (time,) s; z (time, axis), NaN = missing; gain: 1/kg for forces and a mass center; noise_var (time,
     axis) of z as stated, drift (axis,) of `driven`; noise_range: smallest and largest factor on its std, one
@@ -98,9 +97,6 @@ def tune_loads(
             total += likelihood(model, y[:, axis, None], OUTLIER)
         return total.reshape(shape)
 
-    def posterior(order: int) -> Callable[[Array, Array], Array]:
-        return lambda points, levels: objective(points, levels, order) + edgeless(points, *box(order))
-
     def search(
         order: int,
         shared: tuple[ArrayLike, ArrayLike],
@@ -111,8 +107,7 @@ def tune_loads(
         if start is None and seen is not None:
             start = likeliest(order, shared, same)
         bounds = box(order) if load else (box(order)[0],) * 2
-        at, level, value = maximize(posterior(order), *bounds, shared, start, same)
-        return at, level, value - edgeless(at[:, None], *box(order))[:, 0]
+        return maximize(lambda p, s: objective(p, s, order), *bounds, shared, start, same)
 
     def likeliest(
         order: int, shared: tuple[ArrayLike, ArrayLike], same: Flags, *more: Array
@@ -122,7 +117,7 @@ def tune_loads(
         points, levels = seen.starts(order, shared, same)
         points = np.concatenate([points, np.reshape(more, (-1, axes, 2))])
         levels = np.concatenate([levels, np.tile(levels[:1], (len(more), 1))])
-        value = posterior(order)(points[:, :, None], levels)[..., 0]
+        value = objective(points[:, :, None], levels, order)[..., 0]
         alone = np.eye(axes, dtype=bool) if np.array_equal(*shared) else same
         which = (np.nan_to_num(value, nan=WORST, neginf=WORST) @ alone).argmax(0)
         return points[which, np.arange(axes)], levels[which, np.arange(axes)]
@@ -130,7 +125,7 @@ def tune_loads(
     def pays_apart(order: int) -> Callable[[Peak], bool]:
         def pays(peak: Peak) -> bool:
             at, level, _ = peak
-            gain = promise_apart(posterior(order), *box(order), limits, at, level)
+            gain = promise_apart(lambda p, s: objective(p, s, order), *box(order), limits, at, level)
             return gain > PATIENCE / 2  # slopes at a point tell half of what they decide on
 
         return pays
@@ -193,18 +188,6 @@ def tune_loads(
         kernel = best.kernel.of(np.where(still, strong, np.arange(axes)))
         best = replace(best, kernel=kernel.scaled(np.where(still, LEAK, 1.0)))
     return best
-
-
-def edgeless(points: Array, low: Array, high: Array) -> Array:
-    """Log-density (..., axis, point) of log rates as likely all over the box, in a coordinate without edges.
-
-    points (..., axis, point, 2); low, high (axis, 2). The peak in log(u / (1 - u)), u the part of the box, is
-    about the mean over all rates: where a record tells none, the middle one and not the fastest, whose load
-    is noise. A beta distribution has its mean there.
-    """
-    low, high = low[:, None, 1], high[:, None, 1]
-    u = np.clip((points[..., 1] - low) / np.where(high > low, high - low, 1.0), AT_EDGE, 1 - AT_EDGE)
-    return np.asarray(np.log(4 * u * (1 - u)))
 
 
 def search_boxes(time: Array, z: Array, gain: float, axes: int, known: Stated | None = None) -> Box:

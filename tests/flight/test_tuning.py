@@ -5,7 +5,7 @@ from scipy.optimize import minimize
 from scipy.stats import chi2
 
 from forceid.flight.channels import Start, load_chain, search_box, start_of, tuning_segments
-from forceid.flight.tuning import edgeless, natural, smoothest, tune_loads
+from forceid.flight.tuning import natural, smoothest, tune_loads
 from forceid.kalman import StateSpace, discretize, log_likelihood, matern
 from forceid.kalman.tuning.search import maximize, uphill
 from forceid.significance import PATIENCE
@@ -265,13 +265,3 @@ def test_a_search_that_begins_near_ends_where_one_from_afar_does():
     assert near.kernel.order == found.kernel.order
     assert near.log_likelihood == pytest.approx(found.log_likelihood, abs=0.1)
     np.testing.assert_allclose(near.noise, found.noise, rtol=0.02)
-
-
-def test_the_rate_is_the_mean_of_what_a_record_leaves_likely_where_that_is_a_beta_distribution():
-    low, high = np.array([[0.0, -1.0]]), np.array([[0.0, 3.0]])
-    u = np.linspace(0.001, 0.999, 999)
-    points = np.stack([0 * u, -1.0 + 4.0 * u], 1)[None]
-    for a, b in ((1, 1), (1, 2), (3, 1), (8, 5)):
-        likelihood = (a - 1) * np.log(u) + (b - 1) * np.log(1 - u)
-        peak = u[(likelihood + edgeless(points, low, high)[0]).argmax()]
-        assert peak == pytest.approx(a / (a + b), abs=1e-3)
