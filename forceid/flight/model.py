@@ -123,6 +123,10 @@ class Reference:
     steady: Array | None = None
     modes: Array | None = None
 
+    def restated(self, prior: LoadPrior) -> Reference:
+        """The same, its chain as another prior holds it, of the same kernel and with other lines."""
+        return replace(self, chain=prior.restated(self.chain, self.moment), moment=prior)
+
     def under(self, prior: LoadPrior) -> Reference:
         """The same motion and moment under another prior, its moment a constant for the step that follows."""
         H, T, _ = self.moment.read(self.chain)
@@ -259,8 +263,8 @@ def seen_part(
     """
     if about is None:
         return flight.colored(translation(flight, prior, carrier), CENTER), flight.center
-    wider = replace(about, chain=prior.restated(about.chain, about.moment), moment=prior)
-    return flight.colored(rotation_model(flight, prior, wider), ROTATION), error_angle(flight, about)
+    model = rotation_model(flight, prior, about.restated(prior))
+    return flight.colored(model, ROTATION), error_angle(flight, about)
 
 
 def stack(models: Sequence[StateSpace], R: Array, over: StateSpace | None = None) -> StateSpace:

@@ -39,6 +39,12 @@ class StateSpace:
             return self
         return replace(self, F=self.F[self.kind], Q=self.Q[self.kind], kind=None)
 
+    def reordered(self, order: Indices) -> StateSpace:
+        """The same, its states in another order (state,); of one model."""
+        F, Q, P0 = (a[..., order[:, None], order] for a in (self.F, self.Q, self.P0))
+        u = None if self.u is None else self.u[..., order]
+        return StateSpace(F, Q, self.H[..., order], self.R, self.x0[order], P0, u)
+
     def at(self, name: str, k: int) -> Array:
         """Matrix `name` of sample (or step) k."""
         a: Array = getattr(self, name)

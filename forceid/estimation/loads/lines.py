@@ -1,4 +1,4 @@
-"""Oscillating loads that a solved flight shows beside its smooth ones, and those that noise may hide."""
+"""Oscillating loads that a solved flight shows beside its smooth ones."""
 
 from __future__ import annotations
 
@@ -8,29 +8,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.estimation.loads.hidden.whitened import FAINTEST, STEP
-from forceid.estimation.verdict.catalogue import note
-from forceid.flight.model import Flight, Reference, seen_part
+from forceid.estimation.loads.one_load import OneLoad, errors_link
+from forceid.flight.model import Flight
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.building.line_search import (
     AT_ONCE,
     Candidate,
-    excite,
     find_line,
     let_drift,
     line_candidates,
-    whitened_lines,
 )
-from forceid.kalman.building.lines import Line, axes_left, near
+from forceid.kalman.building.lines import Line, axes_left
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import Filtered, StateSpace
-from forceid.records import Array, Finding
-from forceid.significance import WORSE
+from forceid.records import Array
 
 ROUNDS = 4  # of a search about what the last one found
 MOST_LINES = 6 * AT_ONCE  # lines of all loads: as many as one look may find of each component
-DECAYED = 4.0  # e-folds over a record by which an oscillation has rung down
 
 
 @dataclass(frozen=True)
@@ -52,51 +47,54 @@ def more_lines(
     state: FlightState,
     priors: dict[str, LoadPrior],
     engine: Engine,
+    loads: Collection[str] = ("force", "moment"),
     named: tuple[float, ...] = (),
     harmonics: Collection[str] = (),
     counted: Callable[[Lines], Lines] = lambda lines: lines,
 ) -> Lines | None:
-    """The lines of the priors, and those that the innovations of a solved flight show beside them.
+    """The lines of the priors of some loads, and those that the innovations of a solved flight show beside.
 
     named: the only frequencies (Hz) to look at, or none for wherever a line stands out; at harmonics of the
     spin, in the loads of these names alone. counted: those that are loads. None where there would be more
     than MOST_LINES: what stands out at so many frequencies is no line.
     """
-    time, spin = flight.time, 0.0
+    time, spin, held = flight.time, 0.0, dict(priors)
+    linked = state.reference is not None and errors_link(flight)
     if state.reference is not None:
         spin = float(np.mean(np.linalg.norm(state.omega, axis=1))) / (2 * np.pi)
-    found: dict[str, tuple[Line, ...]] = {}
-    for first, (load, prior) in zip((0, 3), priors.items(), strict=False):
-        about, observed = state.reference if first else None, state.innovation[:, first : first + 3]
-        tried = [Candidate(f, named=True, known=True) for f in named]
-        more, looked = prior, list[float]()
+
+    def standing(load: OneLoad, innovation: Array, looked: list[float]) -> list[Candidate]:
+        found = line_candidates(time, load.told(innovation), spin, held[load.name].lines, looked)
+        return [c for c in found if load.name in harmonics or not c.known][:AT_ONCE]
+
+    each = [OneLoad(name, flight, state.reference, linked) for name in priors if name in loads]
+    tried = [[Candidate(f, named=True, known=True) for f in named] for _ in each]
+    if not named:
+        tried = [standing(load, state.innovation[:, load.channels], []) for load in each]
+    # the strongest first: where errors are linked, a line of one load stands in what shows the other
+    strongest = [max((c.stands for c in candidates), default=0.0) for candidates in tried]
+    for k in np.argsort(strongest)[::-1]:
+        load, candidates, looked = each[k], tried[k], list[float]()
+        seen = load.filtered(held, engine) if candidates else None
+        if seen is not None and linked and not named:
+            candidates = standing(load, seen[1].innovation, looked)
         for _ in range(ROUNDS):
-            if not named:
-                standing = line_candidates(time, observed, spin, more.lines, looked)
-                tried = [c for c in standing if load in harmonics or not c.known][:AT_ONCE]
-            if not tried:
+            if seen is None or not candidates:
                 break
-            before, seen = more, filtered_under(flight, more, about, engine)
-            for candidate in tried:
-                beside = with_line(flight, more, about, engine, candidate, *seen)
-                if beside is not more:
-                    more, seen = beside, filtered_under(flight, beside, about, engine)
-                if len(counted(Lines(**found | {load: more.lines}))) > MOST_LINES:
+            before = held[load.name]
+            for candidate in candidates:
+                found = new_lines(time, held[load.name], candidate, *seen)
+                if not found:
+                    continue
+                held = with_lines(held, load.name, as_they_last(load, held, found, engine))
+                seen = load.filtered(held, engine)
+                if len(counted(Lines(**{one.name: held[one.name].lines for one in each}))) > MOST_LINES:
                     return None
-            looked += [candidate.frequency for candidate in tried]
-            if named or len(more.lines) == len(before.lines):
+            looked += [candidate.frequency for candidate in candidates]
+            if named or held[load.name] is before:
                 break
-            observed = seen[1].innovation
-        found[load] = more.lines
-    return counted(Lines(**found))
-
-
-def filtered_under(
-    flight: Flight, prior: LoadPrior, about: Reference | None, engine: Engine
-) -> tuple[StateSpace, Filtered]:
-    """What shows a load, as a model under a prior, and what a filter makes of it."""
-    model, z = seen_part(flight, prior, about)
-    return model, engine.filter(model, z)
+            candidates = standing(load, seen[1].innovation, looked)
+    return counted(Lines(**{one.name: held[one.name].lines for one in each}))
 
 
 def beyond_rounding(lines: Lines, kin: Kinematics, most: float) -> Lines:
@@ -114,117 +112,29 @@ def beyond_rounding(lines: Lines, kin: Kinematics, most: float) -> Lines:
     return Lines(kept("force", lines.force), kept("moment", lines.moment))
 
 
-def with_line(
-    flight: Flight,
-    prior: LoadPrior,
-    about: Reference | None,
-    engine: Engine,
-    candidate: Candidate,
-    model: StateSpace,
-    filtered: Filtered,
-) -> LoadPrior:
-    """The prior with the lines at or near a candidate that the record has beside it.
+def new_lines(
+    time: Array, prior: LoadPrior, candidate: Candidate, model: StateSpace, filtered: Filtered
+) -> tuple[Line, ...]:
+    """The lines at or near a candidate frequency that a record has beside those of a prior.
 
-    model, filtered: as of `filtered_under`.
+    model, filtered: as of `OneLoad.filtered`.
     """
-    if not (left := axes_left(candidate.frequency, prior.lines, flight.time)):
-        return prior
-    found = find_line(model, filtered, flight.time, prior.axes, candidate, left)
-    if not found:
-        return prior
-
-    def likelihood(lines: tuple[Line, ...]) -> float:
-        return float(engine.log_likelihood(*seen_part(flight, with_more_lines(prior, lines), about)))
-
-    return with_more_lines(prior, let_drift(likelihood, found, float(np.ptp(flight.time))))
+    left = axes_left(candidate.frequency, prior.lines, time)
+    return find_line(model, filtered, time, prior.axes, candidate, left) if left else ()
 
 
-def with_more_lines(prior: LoadPrior, lines: tuple[Line, ...]) -> LoadPrior:
-    """The prior with more lines."""
-    return replace(prior, lines=(*prior.lines, *lines))
+def as_they_last(
+    load: OneLoad, priors: dict[str, LoadPrior], lines: tuple[Line, ...], engine: Engine
+) -> tuple[Line, ...]:
+    """Lines of one oscillation that a load has beside its prior, driven where what it moves says so."""
+    alone = replace(load, linked=False)
+
+    def likelihood(tried: tuple[Line, ...]) -> float:
+        return float(engine.log_likelihood(*alone.shown(with_lines(priors, load.name, tried))))
+
+    return let_drift(likelihood, lines, float(np.ptp(load.flight.time)))
 
 
-def widened_by_ringing(
-    state: FlightState, flight: Flight, priors: dict[str, LoadPrior], engine: Engine
-) -> tuple[FlightState, tuple[Finding, ...]]:
-    """The same state, with claims that allow for ringing where none was found; said if that matters.
-
-    A body that nutates turns every load that depends on its attitude: an oscillation that rings down in
-    one component is in the others too. Where the record does not show it, its size there is open, uniform in
-    the logarithm from next to none up, and weighed by its likelihood. So is that of a load that keeps its
-    phase along the axes on which its line is too weak to be found: its direction is free. One whose phase
-    drifts has a direction of its own, and says nothing of others.
-    """
-    lines = [line for prior in priors.values() for line in prior.lines]
-    cov, span = state.wrench_cov.copy(), float(np.ptp(flight.time))
-    rings: tuple[Finding, ...] = ()
-    seen: list[float] = []
-    for frequency in sorted({line.frequency for line in lines}):
-        if near(frequency, seen, flight.time):
-            continue
-        seen.append(frequency)
-        same = [line for line in lines if near(frequency, [line.frequency], flight.time)]
-        if any(line.driven for line in same):
-            continue
-        line = same[0]
-        steady = any(line.bandwidth * span < DECAYED for line in same)  # what goes on is driven
-        held = {name: [line.frequency for line in prior.lines] for name, prior in priors.items()}
-        holding = [name for name, lines in held.items() if near(frequency, lines, flight.time)]
-        for name, prior in priors.items():
-            if steady and name not in holding:
-                continue
-            first = 0 if name == "force" else 3
-            for axis, var in hidden_variance(flight, state, prior, first, line, engine).items():
-                cov[:, first + axis, first + axis] += var
-        before, after = (np.trace(np.nanmean(a[:, :3, :3], 0)) for a in (state.wrench_cov, cov))
-        if not (rings or steady) and after > WORSE**2 * before:
-            rings = (note("free-oscillation", frequency_hz=frequency, load=" and ".join(holding)),)
-    return replace(state, wrench_cov=cov), rings
-
-
-def hidden_variance(
-    flight: Flight, state: FlightState, prior: LoadPrior, first: int, line: Line, engine: Engine
-) -> dict[int, Array]:
-    """Variance (time,) along each world axis that an unseen oscillation leaves to a load without it.
-
-    Of what the smoother misses of it: the prior by itself follows what is slow.
-    """
-    if not (left := axes_left(line.frequency, prior.lines, flight.time)):
-        return {}
-    about = state.reference
-    carrier = None if about is None else about.rotation
-    model, z = seen_part(flight, prior, about if first else None, carrier)
-    root = np.array([2j * np.pi * line.frequency - line.bandwidth])
-    signal = excite(model, flight.time, prior.axes, root)[:, :, :, 0]
-    filtered = engine.filter(model, z)
-    white = whitened_lines(model, filtered, flight.time, prior.axes, root)[:, :, :, 0]
-    phase = np.exp(root[0] * (flight.time - flight.time[0]))
-    rest = replace(model, x0=0 * model.x0, u=None)
-    seen = np.where(np.isfinite(z)[:, None], np.moveaxis(signal, 1, -1).reshape(len(z), 6, -1), np.nan)
-    x = engine.filter_and_smooth_states(rest, seen)[1][..., : prior.states]
-    followed = (x @ prior.rows_along(carrier).mT).reshape(len(z), 3, 2, 3)
-    own, found = np.nan_to_num(filtered.innovation), {}
-    for axis in left:
-        load = np.stack([phase.real, -phase.imag], 1) - followed[:, axis, :, axis]
-        told = np.einsum("tci,tcj->ij", white[:, :, axis], white[:, :, axis])
-        shown = np.einsum("tci,tc->i", white[:, :, axis], own)
-        found[axis] = of_open_size(load, told, shown)
-    return found
-
-
-def of_open_size(load: Array, told: Array, shown: Array) -> Array:
-    """Variance (time,) of an oscillation of two amplitudes of open size.
-
-    load (time, 2): of unit amplitudes; told (2, 2): information of a record on them, shown (2,): its vector.
-    They have the covariance g / told before the record is seen, and g / (1 + g) / told with it, about as
-    large a share of the likeliest. Sizes g are uniform in the logarithm, up to what no record would fail to
-    show, and weighed by their likelihood. Source: the prior of Zellner (1986).
-    """
-    g = np.exp(np.arange(np.log(FAINTEST), -np.log(FAINTEST), np.log(STEP)))
-    kept, cov = g / (1 + g), np.linalg.pinv(told)
-    likeliest = cov @ shown
-    gained = 0.5 * kept * (shown @ likeliest) - np.log1p(g)
-    weight = np.exp(gained - gained.max())
-    spread = np.einsum("ti,ij,tj->t", load, cov, load)
-    weight /= weight.sum()
-    return np.asarray(spread * (kept @ weight) + (load @ likeliest) ** 2 * (kept**2 @ weight))
+def with_lines(priors: dict[str, LoadPrior], load: str, lines: tuple[Line, ...]) -> dict[str, LoadPrior]:
+    """The priors with more lines of a load."""
+    return priors | {load: replace(priors[load], lines=(*priors[load].lines, *lines))}

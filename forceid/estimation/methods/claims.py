@@ -13,12 +13,12 @@ from forceid.estimation.instruments.on_flight import judge_sensors, named_sensor
 from forceid.estimation.instruments.strain_gauges import judge_strain_gauges
 from forceid.estimation.loads.hidden import body_told, inner_wheel, ringing_body
 from forceid.estimation.loads.hidden.deforming_body import motion_growth, widened_by_arms
+from forceid.estimation.loads.hidden.free_oscillation import widened_by_ringing
 from forceid.estimation.loads.hidden.left_out import hidden_load, least_band, lines_at_spin
 from forceid.estimation.loads.hidden.loads_on_modes import as_fast_as_on_modes, loads_shown
 from forceid.estimation.loads.hidden.misfit import shown_misfit, typical_variance
 from forceid.estimation.loads.hidden.order_uncertainty import Rivals
 from forceid.estimation.loads.hidden.whitened import Whitened, whitened
-from forceid.estimation.loads.lines import widened_by_ringing
 from forceid.estimation.loads.pieces.edges import spread_of, with_edges_known
 from forceid.estimation.loads.pieces.impulses import edges_of, impulses
 from forceid.estimation.methods.noise import judge_filter, widened_by_slow_errors

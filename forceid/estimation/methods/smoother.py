@@ -113,10 +113,10 @@ def beside_more_lines(problem: Problem, harmonics: Collection[str]) -> Problem:
     if settings.lines == "none" or problem.crowded:
         return problem
     # a moment of deformation that no marker shows turns with the body, and would pass for lines
-    searched = {"force": priors["force"]} if len(kin.shapes) and kin.unfollowed.any() else priors
+    loads = ("force",) if len(kin.shapes) and kin.unfollowed.any() else tuple(priors)
     asked = () if isinstance(settings.lines, str) else settings.lines
     counted = partial(beyond_rounding, kin=kin, most=0.0 if asked else problem.rounding)
-    more = more_lines(problem.flight, problem.state, searched, problem.engine, asked, harmonics, counted)
+    more = more_lines(problem.flight, problem.state, priors, problem.engine, loads, asked, harmonics, counted)
     if more is None:
         return replace(problem, crowded=True)
     if not len(problem.lines) < len(more):

@@ -8,7 +8,7 @@ the evidence for it follows in closed form. Source: principal equations 4e (spin
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any
 
@@ -35,12 +35,14 @@ ROOM = 40_000_000  # numbers held at a time, 320 MB
 class Candidate:
     """A frequency Hz at which a line may be.
 
-    named: beforehand, so that it is not searched for; known: nor is it uncertain, as that of the spin.
+    named: beforehand, so that it is not searched for; known: nor is it uncertain, as that of the spin;
+    stands: minus the logarithm of the chance that noise stands out as much.
     """
 
     frequency: float
     named: bool
     known: bool = False
+    stands: float = field(default=0.0, compare=False)
 
 
 def line_candidates(
@@ -48,10 +50,11 @@ def line_candidates(
 ) -> list[Candidate]:
     """Frequencies that stand out of whitened innovations (time, channel), strongest first.
 
-    They stand out by minus the logarithm of the chance that noise gives one channel, or all together, as
-    much. A harmonic (once, twice) of the spin (Hz) and a line that the prior holds along other axes need
-    PATIENCE; any other frequency more, by the logarithm of how many there are. Not lines that the prior holds
-    along the axis of the channel, nor frequencies looked at already.
+    Channels: along x, y, z, and others such behind them, each three a look at the same. They stand out by
+    minus the logarithm of the chance that noise gives one channel, or all together, as much. A harmonic
+    (once, twice) of the spin (Hz) and a line that the prior holds along other axes need PATIENCE; any other
+    frequency more, by the logarithm of how many there are. Not lines that the prior holds along the axis of
+    the channel, nor frequencies looked at already.
     """
     span, count = float(np.ptp(time)), len(time)
     step = span / (count - 1)
@@ -60,25 +63,27 @@ def line_candidates(
     v = winsorized(innovation)
     power = np.abs(np.fft.rfft(v, 2 * count, axis=0)[1:-1]) ** 2
     share = power / local_level(v)[1:-1] / np.maximum((v**2).sum(0), 1.0)
+    looks = share.reshape(len(share), -1, 3)
     for line in lines:
-        share[np.ix_(np.abs(frequency - line.frequency) * span <= 1, line.taken)] = 0.0
-    joint = share.sum(1)  # of three channels, a gamma variate
+        near = np.abs(frequency - line.frequency) * span <= 1
+        looks[np.ix_(near, np.arange(looks.shape[1]), line.taken)] = 0.0
+    joint = looks.sum(2).max(1)  # of three channels, a gamma variate
     stands = np.maximum(share.max(1), joint - np.log1p(joint + 0.5 * joint**2))
     for f in looked:
         stands[np.abs(frequency - f) * span <= 1] = 0.0
     stands[(frequency * span < 2) | (frequency >= highest)] = 0.0  # so slow is any smooth load
     harmonics = [h for h in (spin, 2 * spin) if 0 < h < highest]
-    found: list[tuple[float, Candidate]] = []
+    found: list[Candidate] = []
     for h in (*harmonics, *(line.frequency for line in lines)):
         near = np.abs(frequency - h) * span <= 1
         if (best := stands[near].max(initial=0.0)) > PATIENCE:
-            found.append((best, Candidate(h, named=True, known=h in harmonics)))
+            found.append(Candidate(h, named=True, known=h in harmonics, stands=best))
         stands[near] = 0.0
     while stands.max(initial=0.0) > PATIENCE + np.log(2 * count):
         k = int(stands.argmax())
-        found.append((stands[k], Candidate(float(frequency[k]), named=False)))
+        found.append(Candidate(float(frequency[k]), named=False, stands=stands[k]))
         stands[np.abs(frequency - frequency[k]) * span <= 2] = 0.0
-    return [c for _, c in sorted(found, key=lambda pair: -pair[0])]
+    return sorted(found, key=lambda candidate: -candidate.stands)
 
 
 def highest_shown(time: Array, innovation: Array) -> float:
@@ -226,8 +231,8 @@ def find_line(
     have no line.
     """
     span, center = float(np.ptp(time)), candidate.frequency
-    highest = highest_shown(time, filtered.innovation)
-    v = winsorized(filtered.innovation)
+    innovation = filtered.innovation
+    highest, v = highest_shown(time, innovation), winsorized(innovation)
     level = local_level(v)[round(2 * center * span)]
     sets = [along for along in ALONG if {*along} <= {*open_axes}]
     count = np.array([len(along) for along in sets])

@@ -8,7 +8,7 @@ import pytest
 from flight.flights import drawn_flight, prior
 
 from forceid.config import load_settings
-from forceid.estimation.loads.lines import hidden_variance, of_open_size
+from forceid.estimation.loads.hidden.free_oscillation import hidden_variance, of_open_size
 from forceid.estimation.run import estimate_recording
 from forceid.files.stored.hdf5 import read_motion
 from forceid.flight.priors.lines import Line
