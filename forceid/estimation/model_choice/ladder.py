@@ -121,10 +121,12 @@ def choose_level(
         first, alike = 0, alike and least is several[0]  # its shapes do not move as those of a body do
     best = explaining(steps, first)
     if errors is not None and alike:
-        left = beyond.without(candidates[first].shapes) if first else beyond
-        if steps[first].evidence + errors_gain(left, errors, engine) > max(s.evidence for s in steps[1:]):
-            best = first
-            if not first:
+        gained = [beside_errors(beyond, level, engine) for level in candidates]
+        worth = [step.evidence + more for step, more in zip(steps, gained, strict=True)]
+        likeliest = first + int(np.argmax(worth[first:]))
+        if worth[likeliest] > max(s.evidence for s in steps[1:]):
+            best = likeliest
+            if not best:
                 said = "errors of the markers, alike in all that no motion makes, explain it better"
                 return without_shapes(said)
     # modes that a body brings are taken, whether shapes show them or poses alone, unless rigid is as good
@@ -147,6 +149,16 @@ def errors_beside(
         if found is not None and found.alike:
             return found, level
     return rigid, candidates[0]
+
+
+def beside_errors(beyond: Beyond, level: LevelCandidate, engine: Engine) -> float:
+    """Log-likelihood that errors with a memory gain over white ones beside a level, if they are alike."""
+    left = beyond.without(level.shapes) if len(level.shapes) else beyond
+    errors = marker_errors(left.time, left.y) if left.y.shape[1] else None
+    if errors is None or not errors.alike:
+        return 0.0
+    known = replace(errors, color=None) if isinstance(errors.color, LowPassed) else errors
+    return errors_gain(left, known, engine)
 
 
 def rigid_fits(kin: Kinematics) -> bool:
