@@ -18,6 +18,7 @@ from forceid.kalman.building.line_search import (
     Candidate,
     excite,
     find_line,
+    is_white,
     let_drift,
     line_candidates,
     line_evidence,
@@ -255,6 +256,15 @@ def test_innovations_name_the_harmonic_and_any_other_line_and_are_quiet_where_wh
     assert line_candidates(TIME, white, 0.0, [line(20.2, axis=1)]) == []
     quiet = [line_candidates(TIME, rng.standard_normal((COUNT, 3)), 0.0) for _ in range(50)]
     assert sum(map(len, quiet)) <= 1
+
+
+def test_innovations_are_white_unless_a_frequency_stands_out_however_slow():
+    rng = np.random.default_rng(41)
+    white = [rng.standard_normal((COUNT, 3)) for _ in range(50)]
+    assert sum(map(is_white, white)) >= 49
+    for cycles in (0.5, 20.0):
+        swing = 0.5 * np.cos(2 * np.pi * cycles * TIME / SPAN)[:, None] * [0.0, 1.0, 0.0]
+        assert not any(is_white(v + swing) for v in white[:10])
 
 
 def test_load_with_its_line_is_recovered_within_its_claims_and_the_other_axes_lose_nothing():

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.estimation.loads.one_load import OneLoad, errors_link
+from forceid.estimation.loads.one_load import MOVED, OneLoad, errors_link
 from forceid.flight.model import Flight
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
@@ -16,6 +16,7 @@ from forceid.kalman.building.line_search import (
     AT_ONCE,
     Candidate,
     find_line,
+    is_white,
     let_drift,
     line_candidates,
 )
@@ -59,42 +60,51 @@ def more_lines(
     than MOST_LINES: what stands out at so many frequencies is no line.
     """
     time, spin, held = flight.time, 0.0, dict(priors)
-    linked = state.reference is not None and errors_link(flight)
+    link = state.reference is not None and errors_link(flight)
     if state.reference is not None:
         spin = float(np.mean(np.linalg.norm(state.omega, axis=1))) / (2 * np.pi)
+    own = {name: state.innovation[:, MOVED[name]] for name in priors}
+
+    def looked_at(
+        name: str,
+    ) -> OneLoad:  # what one load leaves unexplained would pass for errors of the other
+        explained = all(is_white(own[other]) for other in priors if other != name)
+        return OneLoad(name, flight, state.reference, link and explained)
 
     def standing(load: OneLoad, innovation: Array, looked: list[float]) -> list[Candidate]:
         found = line_candidates(time, load.told(innovation), spin, held[load.name].lines, looked)
         return [c for c in found if load.name in harmonics or not c.known][:AT_ONCE]
 
-    each = [OneLoad(name, flight, state.reference, linked) for name in priors if name in loads]
-    tried = [[Candidate(f, named=True, known=True) for f in named] for _ in each]
+    names = [name for name in priors if name in loads]
+    tried = {name: [Candidate(f, named=True, known=True) for f in named] for name in names}
     if not named:
-        tried = [standing(load, state.innovation[:, load.channels], []) for load in each]
-    # the strongest first: where errors are linked, a line of one load stands in what shows the other
-    strongest = [max((c.stands for c in candidates), default=0.0) for candidates in tried]
-    for k in np.argsort(strongest)[::-1]:
-        load, candidates, looked = each[k], tried[k], list[float]()
-        seen = load.filtered(held, engine) if candidates else None
-        if seen is not None and linked and not named:
+        for load in map(looked_at, names):
+            tried[load.name] = standing(load, state.innovation[:, load.channels], [])
+    strongest = {name: max((c.stands for c in tried[name]), default=0.0) for name in names}
+    for name in sorted(names, key=lambda name: -strongest[name]):
+        load, candidates, looked = looked_at(name), tried[name], list[float]()
+        told_anew = load.linked and not named
+        seen = load.filtered(held, engine) if candidates or (told_anew and held != priors) else None
+        if seen is not None and told_anew:
             candidates = standing(load, seen[1].innovation, looked)
         for _ in range(ROUNDS):
             if seen is None or not candidates:
                 break
-            before = held[load.name]
+            before = held[name]
             for candidate in candidates:
-                found = new_lines(time, held[load.name], candidate, *seen)
+                found = new_lines(time, held[name], candidate, *seen)
                 if not found:
                     continue
-                held = with_lines(held, load.name, as_they_last(load, held, found, engine))
+                held = with_lines(held, name, as_they_last(load, held, found, engine))
                 seen = load.filtered(held, engine)
-                if len(counted(Lines(**{one.name: held[one.name].lines for one in each}))) > MOST_LINES:
+                own[name] = seen[1].innovation[:, load.own]
+                if len(counted(Lines(**{one: held[one].lines for one in names}))) > MOST_LINES:
                     return None
             looked += [candidate.frequency for candidate in candidates]
-            if named or held[load.name] is before:
+            if named or held[name] is before:
                 break
             candidates = standing(load, seen[1].innovation, looked)
-    return counted(Lines(**{one.name: held[one.name].lines for one in each}))
+    return counted(Lines(**{name: held[name].lines for name in names}))
 
 
 def beyond_rounding(lines: Lines, kin: Kinematics, most: float) -> Lines:

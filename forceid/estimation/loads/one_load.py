@@ -35,6 +35,12 @@ class OneLoad:
         """Of a pose, those that are looked at."""
         return POSE if self.linked else MOVED[self.name]
 
+    @property
+    def own(self) -> slice:
+        """Of these, those that the load moves."""
+        first = MOVED[self.name].start - self.channels.start
+        return slice(first, first + 3)
+
     def shown(self, priors: dict[str, LoadPrior]) -> tuple[StateSpace, Array]:
         """A model whose first states the load moves, and what it sees (time, channel)."""
         if self.about is None or not self.linked:
@@ -60,11 +66,10 @@ class OneLoad:
         tumbles answers a load of one frequency with several: there it stands at its own. And there counts
         what one channel says of the errors of another.
         """
-        first = MOVED[self.name].start - self.channels.start
-        own, seen = slice(first, first + 3), np.isfinite(innovation).all(1)
+        seen = np.isfinite(innovation).all(1)
         pushes = np.full((len(innovation), 3), np.nan)
         root = np.linalg.cholesky(self.flight.pose_cov[seen, self.channels, self.channels])
-        pushes[seen] = np.linalg.solve(root.mT, innovation[seen][..., None])[:, own, 0]
+        pushes[seen] = np.linalg.solve(root.mT, innovation[seen][..., None])[:, self.own, 0]
         if self.name == "moment" and self.about is not None:
             R = self.about.rotation[seen]
             J = R @ self.flight.inertia[seen] @ R.mT
@@ -72,7 +77,7 @@ class OneLoad:
         var, axes = np.linalg.eigh(pushes[seen].T @ pushes[seen] / max(seen.sum(), 1))
         if var[-1] > 0:
             pushes = pushes @ (axes / np.sqrt(np.maximum(var, ROUNDED * var[-1]))) @ axes.T
-        return np.concatenate([innovation[:, own], pushes], 1)
+        return np.concatenate([innovation[:, self.own], pushes], 1)
 
 
 def errors_link(flight: Flight) -> bool:

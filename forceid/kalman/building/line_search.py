@@ -86,6 +86,13 @@ def line_candidates(
     return sorted(found, key=lambda candidate: -candidate.stands)
 
 
+def is_white(innovation: Array) -> bool:
+    """Whether no frequency stands out of whitened innovations (time, channel), slow ones as well."""
+    v = winsorized(innovation)
+    power = np.abs(np.fft.rfft(v, 2 * len(v), axis=0)) ** 2 / np.maximum((v**2).sum(0), 1.0)
+    return bool(power.max(initial=0.0) < PATIENCE + np.log(2 * len(v)))
+
+
 def highest_shown(time: Array, innovation: Array) -> float:
     """Half the rate, Hz, of the frames that innovations (time, channel) are of: beyond it lines are mirrored.
 
