@@ -65,9 +65,8 @@ def more_lines(
         spin = float(np.mean(np.linalg.norm(state.omega, axis=1))) / (2 * np.pi)
     own = {name: state.innovation[:, MOVED[name]] for name in priors}
 
-    def looked_at(
-        name: str,
-    ) -> OneLoad:  # what one load leaves unexplained would pass for errors of the other
+    def looked_at(name: str) -> OneLoad:
+        # what one load leaves unexplained would pass for errors of the other
         explained = all(is_white(own[other]) for other in priors if other != name)
         return OneLoad(name, flight, state.reference, link and explained)
 
@@ -84,7 +83,8 @@ def more_lines(
     for name in sorted(names, key=lambda name: -strongest[name]):
         load, candidates, looked = looked_at(name), tried[name], list[float]()
         told_anew = load.linked and not named
-        seen = load.filtered(held, engine) if candidates or (told_anew and held != priors) else None
+        changed = any(held[one] is not priors[one] for one in priors)
+        seen = load.filtered(held, engine) if candidates or (told_anew and changed) else None
         if seen is not None and told_anew:
             candidates = standing(load, seen[1].innovation, looked)
         for _ in range(ROUNDS):
