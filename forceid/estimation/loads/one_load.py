@@ -68,12 +68,13 @@ class OneLoad:
         """
         seen = np.isfinite(innovation).all(1)
         pushes = np.full((len(innovation), 3), np.nan)
-        root = np.linalg.cholesky(self.flight.pose_cov[seen, self.channels, self.channels])
+        root = clear_root(self.flight.pose_cov[seen, self.channels, self.channels])
         pushes[seen] = np.linalg.solve(root.mT, innovation[seen][..., None])[:, self.own, 0]
         if self.name == "moment" and self.about is not None:
             R = self.about.rotation[seen]
             J = R @ self.flight.inertia[seen] @ R.mT
             pushes[seen] = np.linalg.solve(J, pushes[seen][..., None])[..., 0]
+        pushes /= max(np.abs(pushes[seen]).max(initial=0.0), np.finfo(float).tiny)
         var, axes = np.linalg.eigh(pushes[seen].T @ pushes[seen] / max(seen.sum(), 1))
         if var[-1] > 0:
             pushes = pushes @ (axes / np.sqrt(np.maximum(var, ROUNDED * var[-1]))) @ axes.T
@@ -88,7 +89,13 @@ def errors_link(flight: Flight) -> bool:
     cov = flight.pose_cov[np.isfinite(flight.pose_cov).all((1, 2))]
     if not len(cov):
         return False
-    both = (np.linalg.cholesky(cov[:, own, own]) for own in (CENTER, ROTATION))
+    both = (clear_root(cov[:, own, own]) for own in (CENTER, ROTATION))
     left = np.linalg.solve(next(both), cov[:, CENTER, ROTATION])
     shared = np.linalg.solve(next(both), left.mT)
     return bool(np.median(np.linalg.norm(shared, 2, axis=(1, 2))) ** 2 > TENTH)
+
+
+def clear_root(cov: Array) -> Array:
+    """Lower root (..., channel, channel) of a covariance, also of one that rounding leaves no clear root."""
+    one = np.eye(cov.shape[-1])
+    return np.asarray(np.linalg.cholesky(cov * (1 + ROUNDED * one) + np.finfo(float).tiny * one))

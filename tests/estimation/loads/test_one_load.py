@@ -64,3 +64,15 @@ def test_a_line_is_found_through_what_the_center_tells_of_the_errors_of_the_rota
         assert not lines.force
         assert [line.direction.tolist() for line in lines.moment] == linked * [[0.0, 1.0, 0.0]]
         assert all(line.frequency == pytest.approx(AT, abs=0.2 / TIME[-1]) for line in lines.moment)
+
+
+def test_errors_that_are_one_and_the_same_or_none_are_looked_at_as_well():
+    """Such a covariance has no root by Cholesky's recursion, or one of zeros."""
+    flight, innovation = recorded(0, 1.0), np.random.default_rng(1).standard_normal((COUNT, 6))
+    assert errors_link(flight)
+    moment = prior(std=1.0, rate=1.0)
+    about = Reference(flight.rotation, np.zeros((COUNT, moment.states)), moment)
+    for cov, linked in ((flight.pose_cov, True), (0 * flight.pose_cov, False)):
+        other = replace(flight, pose_cov=cov)
+        assert errors_link(other) is linked
+        assert np.isfinite(OneLoad("moment", other, about, linked=True).told(innovation)).all()
