@@ -35,6 +35,7 @@ class Engine:
     filter_and_smooth_states: Callable[[StateSpace, Array], tuple[Filtered, Array]]
     with_covariances: Callable[[Filtered, Array], Smoothed]
     innovations: Callable[[StateSpace, Array], Array]
+    followed: Callable[[Filtered, Array, int], Array]
 
 
 def engine(name: str = "auto") -> Engine:
@@ -64,7 +65,7 @@ def engine(name: str = "auto") -> Engine:
             name, module.filter, module.smooth, module.smooth_states, module.log_likelihood,
             lambda model, z: (module.filter(model, z), module.smooth_states(model, z)),
             lambda f, x: module.smooth(f.model, f.z),
-            partial(linear.innovations, import_module(MODULES["numpy"])),
+            *(partial(of, import_module(MODULES["numpy"])) for of in (linear.innovations, linear.followed)),
         )  # fmt: skip
     return Engine(name, *(partial(getattr(linear, work.name), module) for work in fields(Engine)[1:]))
 

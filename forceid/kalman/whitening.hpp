@@ -34,10 +34,10 @@ struct Sparse {
   }
 };
 
-// White errors (time, m, direction * load) of loads that begin at rest, in the loop that a filter closes: the error d
-// of its states becomes F (d - K H d) + push. F (1 or time - 1, n, n), H (1 or time, m, n), K (time, n, m), W (time, m,
-// m). A load pushes states 0 to 2 by move (1 or time - 1, 3, direction) times moved (time - 1, load), and states 3 to 5
-// by turn (3, direction) times pushed (time - 1, load).
+// White errors (time, m, root * direction * 2) of loads that begin at rest, in the loop that a filter closes: the error
+// d of its states becomes F (d - K H d) + push. F (1 or time - 1, n, n), H (1 or time, m, n), K (time, n, m), W (time,
+// m, m). A load pushes states 0 to 2 by move (1 or time - 1, 3, direction) times moved (time - 1, root * 2), and states
+// 3 to 5 by turn (3, direction) times pushed (time - 1, root * 2).
 Out whitened(Array F_, Array H_, Array K_, Array W_, Array move, Array turn, Array moved, Array pushed) {
   const Sparse F(F_), H(H_), K(K_), W(W_);
   const Size T = K.time, m = H.rows, n = F.rows, loads = moved.shape(1), columns = turn.shape(1) * loads;
@@ -61,7 +61,8 @@ Out whitened(Array F_, Array H_, Array K_, Array W_, Array move, Array turn, Arr
       const double *by = move.data() + (steps > 1 ? k : 0) * 3 * directions;
       for (Size i = 0; i < 3; ++i)
         for (Size c = 0; c < width; ++c) {
-          const Size direction = (first + c) / loads, load = k * loads + (first + c) % loads;
+          const Size pair = (first + c) / 2, direction = pair % directions;
+          const Size load = k * loads + pair / directions * 2 + (first + c) % 2;
           next[i * BLOCK + c] += by[i * directions + direction] * moved.data()[load];
           next[(3 + i) * BLOCK + c] += turn.data()[i * directions + direction] * pushed.data()[load];
         }

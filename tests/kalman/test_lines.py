@@ -16,16 +16,18 @@ from forceid.kalman import log_likelihood, smooth
 from forceid.kalman.building import line_search
 from forceid.kalman.building.line_search import (
     Candidate,
-    excite,
     find_line,
     is_white,
     let_drift,
     line_candidates,
     line_evidence,
+    missed_lines,
+    pushes,
     whitened_lines,
 )
 from forceid.kalman.building.lines import PER_CYCLE, Line
 from forceid.kalman.building.process import discretize
+from forceid.kalman.engines import engine
 
 MASS, STEP, COUNT, NOISE = 0.13, 2e-3, 400, 1e-4
 TIME = STEP * np.arange(COUNT)
@@ -54,6 +56,34 @@ def recorded(seed, lines=()):
 
 def line(frequency=20.0, std=0.3, bandwidth=1e-4, axis=0, driven=False):
     return Line(frequency, std, bandwidth, np.eye(3)[axis], driven)
+
+
+def excite(model, root):
+    """What channels see of unit lines from rest, open loop: (time, channel, direction, root, 2)."""
+    F, H = np.broadcast_to(model.F, (COUNT - 1, *model.F.shape[-2:]))[:, :6, :6], model.H[..., :6]
+    move, moved, pushed = pushes(F, np.diff(TIME), TIME, TURN, root)
+    x = np.zeros((COUNT, 6, 3 * moved.shape[1]))
+    x[1:, :3] = np.einsum("kij,kq->kijq", move, moved).reshape(len(moved), 3, -1)
+    x[1:, 3:] = np.einsum("ij,kq->kijq", TURN.T, pushed).reshape(len(moved), 3, -1)
+    for F_k, now, then in zip(F, x[:-1], x[1:], strict=True):
+        then += F_k @ now
+    return (H @ x).reshape(COUNT, -1, 3, len(root), 2)
+
+
+def leaving_model():
+    """A body that leaves its path by itself, e^50 times over the record, as a turn about the middle axis."""
+    model, step = model_of(), np.diff(TIME)
+    F = np.broadcast_to(model.F, (len(step), *model.F.shape[-2:])).copy()
+    F[:, :3, :3] *= np.exp(50.0 * step / TIME[-1])[:, None, None]
+    return replace(model, F=F, Q=np.broadcast_to(model.Q, F.shape))
+
+
+def missed_by(model, z, root):
+    """The filter of a record, and what it misses of lines as signals (time, signal, channel)."""
+    filtered = kalman_filter(model, z)
+    missed = missed_lines(model, filtered, TIME, TURN, root, np.broadcast_to(np.eye(3), (COUNT, 3, 3)))
+    signals = np.moveaxis(missed, 1, -1).reshape(COUNT, -1, 3)
+    return filtered, np.where(np.isfinite(z)[:, None], signals, np.nan)
 
 
 def found_in(z, candidate=20.0, named=True):
@@ -137,7 +167,7 @@ def test_response_to_a_unit_line_is_that_of_the_chain_that_holds_it():
     wave = line(frequency=17.0, bandwidth=3.0, axis=2)
     model = model_of((wave,))
     root = np.array([2j * np.pi * 17.0 - 3.0])
-    seen = excite(model_of(), TIME, TURN, root)[:, :, 2, 0]
+    seen = excite(model_of(), root)[:, :, 2, 0]
     for state in (0, 1):
         x = np.zeros(len(model.x0))
         x[-2 + state] = 1.0
@@ -153,7 +183,7 @@ def test_lines_whitened_are_what_they_add_to_the_innovations():
     model, (z, _) = model_of(), recorded(1)
     z[100:120] = np.nan
     z[200, 1] = np.nan
-    before, more = kalman_filter(model, z), excite(model, TIME, TURN, ROOT)
+    before, more = kalman_filter(model, z), excite(model, ROOT)
     white = whitened_lines(model, before, TIME, TURN, ROOT)
     for line_ in np.ndindex(3, 2, 2):
         added = white[(..., *line_)]
@@ -171,16 +201,32 @@ def test_compiled_lines_are_those_of_numpy(monkeypatch):
 
 
 def test_lines_on_a_flight_that_leaves_its_path_by_itself_keep_their_digits():
-    """As a turn about the middle axis: the motion of a line grows by e^50, what a filter misses does not."""
-    model, (z, _) = model_of(), recorded(1)
-    step = np.diff(TIME)
-    F = np.broadcast_to(model.F, (len(step), *model.F.shape[-2:])).copy()
-    F[:, :3, :3] *= np.exp(50.0 * step / TIME[-1])[:, None, None]  # it leaves
-    leaving = replace(model, F=F, Q=np.broadcast_to(model.Q, F.shape))
-    filtered = kalman_filter(leaving, z)
-    white = whitened_lines(leaving, filtered, TIME, TURN, ROOT[:1])
-    assert np.abs(excite(leaving, TIME, TURN, ROOT[:1])[-1]).max() > 1e12 * np.abs(white).max()
+    """The motion of a line grows by e^50, what a filter misses does not."""
+    leaving, (z, _) = leaving_model(), recorded(1)
+    white = whitened_lines(leaving, kalman_filter(leaving, z), TIME, TURN, ROOT[:1])
+    assert np.abs(excite(leaving, ROOT[:1])[-1]).max() > 1e12 * np.abs(white).max()
     late = np.abs(white[-50:]).max() / np.abs(white[100:150]).max()
+    assert 0.5 < late < 2.0
+
+
+@pytest.mark.parametrize("name", ["auto", "numpy", "filterpy"])
+def test_what_a_smoother_follows_of_lines_is_told_by_what_its_filter_misses_of_them(name):
+    model, (z, _) = model_of(), recorded(1)
+    z[100:120] = np.nan
+    z[200, 1] = np.nan
+    filtered, missed = missed_by(model, z, ROOT)
+    signals = np.moveaxis(excite(model, ROOT), 1, -1).reshape(COUNT, -1, 3)
+    still = replace(model, x0=0 * model.x0)
+    signals = np.where(np.isfinite(z)[:, None], signals, np.nan)
+    expected = engine().filter_and_smooth_states(still, signals)[1][:, :, 6:]
+    np.testing.assert_allclose(engine(name).followed(filtered, missed, 6), expected, atol=1e-7)
+
+
+def test_a_load_that_a_smoother_follows_on_a_flight_that_leaves_its_path_keeps_its_size():
+    leaving, (z, _) = leaving_model(), recorded(1)
+    load = engine().followed(*missed_by(leaving, z, ROOT[:1]), 6) @ prior().rows[:, 6:].T
+    assert np.abs(load).max() < 2.0  # of a line of size one
+    late = np.abs(load[-100:-50]).max() / np.abs(load[50:100]).max()
     assert 0.5 < late < 2.0
 
 
@@ -258,6 +304,19 @@ def test_innovations_name_the_harmonic_and_any_other_line_and_are_quiet_where_wh
     assert sum(map(len, quiet)) <= 1
 
 
+def test_a_band_that_a_prior_falls_short_of_holds_no_line_but_those_that_stand_out_of_it():
+    rng, span = np.random.default_rng(9), 100.0
+    time = np.arange(20_000) * span / 20_000
+    v = rng.standard_normal((len(time), 3))
+    spectrum, f = np.fft.rfft(v, axis=0), np.fft.rfftfreq(len(time), time[1])
+    spectrum[(f > 1) & (f < 2)] *= 2.0
+    v = np.fft.irfft(spectrum, len(time), axis=0)
+    assert line_candidates(time, v, 0.0) == []
+    v[:, 1] += 0.2 * np.cos(2 * np.pi * 1.5 * time)
+    (found,) = line_candidates(time, v, 0.0)
+    assert abs(found.frequency - 1.5) < 0.5 / span
+
+
 def test_innovations_are_white_unless_a_frequency_stands_out_however_slow():
     rng = np.random.default_rng(41)
     white = [rng.standard_normal((COUNT, 3)) for _ in range(50)]
@@ -290,7 +349,7 @@ def test_load_with_its_line_is_recovered_within_its_claims_and_the_other_axes_lo
 
 def test_smooth_load_is_tuned_beside_a_line_as_if_the_line_were_not_there():
     quiet, _ = recorded(70)
-    wave = excite(model_of(), TIME, TURN, np.array([2j * np.pi * 20.0]))[:, :, 0, 0] @ [1.0, 0.5]
+    wave = excite(model_of(), np.array([2j * np.pi * 20.0]))[:, :, 0, 0] @ [1.0, 0.5]
     noise, still, share = np.full(quiet.shape, NOISE**2), np.zeros(3), (line(std=1.0).along(TURN),)
     plain = tune_loads(TIME, quiet @ TURN, 1 / MASS, noise, still, orders=(3,))
     beside = tune_loads(TIME, (quiet + wave) @ TURN, 1 / MASS, noise, still, orders=(3,), lines=share)

@@ -28,6 +28,7 @@ DECAYS, DRIFTS = (2.0, 6.0, 20.0), (0.1, 1.0, 10.0)  # the same of one that ring
 AT_ONCE = 4  # lines that one look takes up, the tallest ones
 ALONG = tuple(s for n in (1, 2, 3) for s in combinations(range(3), n))  # axes that a line may lie along
 CYCLES_BESIDE = 16  # cycles a record, to either side, over which the level about a line is taken
+SIX = 6  # amplitudes of a root: cosine and sine along each axis
 ROOM = 40_000_000  # numbers held at a time, 320 MB
 
 
@@ -104,18 +105,20 @@ def highest_shown(time: Array, innovation: Array) -> float:
 
 
 def local_level(v: Array) -> Array:
-    """Mean square of innovations (time, channel) about each half cycle a record, over all; one at most.
+    """Mean square of innovations (time, channel) about each half cycle a record, over all.
 
-    What a prior without a line makes of one is a load far too strong at all frequencies about it: there the
-    innovations are small, and the line stands out of these, though not out of all. Half of the ordinates of
-    white noise exceed log 2 of their mean; what chance may take off the median is put back.
+    A line stands out of its neighbors. What a prior without one makes of it is a load far too strong at all
+    frequencies about it: there the innovations are small. And where a prior falls short over a band they are
+    large there, of a record that is long enough to tell; lines without number would stand out of a white
+    level. One, unless the neighbors say otherwise beyond chance. Half of the ordinates of white noise exceed
+    log 2 of their mean.
     """
     power = np.abs(np.fft.rfft(v, 2 * len(v), axis=0)) ** 2 / np.maximum((v**2).sum(0), 1.0)
-    error = (
-        1 / np.log(2) / np.sqrt(2 * CYCLES_BESIDE)
-    )  # relative, of a median of so many that are independent
-    around = median_filter(power, (4 * CYCLES_BESIDE + 1, 1)) / np.log(2) * (1 + SIGMAS * error)
-    return np.asarray(np.clip(around, 1 / len(v), 1.0))
+    # relative, of a median of so many that are independent
+    chance = SIGMAS / np.log(2) / np.sqrt(2 * CYCLES_BESIDE)
+    around = median_filter(power, (4 * CYCLES_BESIDE + 1, 1)) / np.log(2)
+    quiet = np.clip(around * (1 + chance), 1 / len(v), 1.0)
+    return np.asarray(np.where(around > 1 + chance, around, quiet))
 
 
 def winsorized(innovation: Array) -> Array:
@@ -134,20 +137,37 @@ def whitened_lines(
 ) -> Array:
     """What unit lines from rest leave in whitened innovations: (time, channel, direction, root, 2).
 
-    model: the first three states move, the next three are the momentum along `axes` (columns, world), which
-    the load changes; directions: world x, y, z; root (root,) 1/s: loads Re and -Im of exp(root t), the two
-    states of a line at the first sample. In the loop that the filter closes: where a body turns about an
-    axis that it leaves by itself, the motion alone would grow until rounding is all that is left of it.
+    Arguments and roots as of `missed_lines`.
+    """
+    g = filtered.gains
+    return missed_lines(model, filtered, time, axes, root, np.asarray(expand(g.W, g.start, g.time)))
+
+
+def missed_lines(
+    model: StateSpace,
+    filtered: Filtered,
+    time: Array,
+    axes: Array,
+    root: NDArray[np.complexfloating[Any, Any]],
+    turned: Array,
+) -> Array:
+    """What a filter's prediction misses of unit lines from rest, turned by (time, channel, channel).
+
+    (time, channel, direction, root, 2). model: the first three states move, the next three are the momentum
+    along `axes` (columns, world), which the load changes; directions: world x, y, z; root (root,) 1/s: loads
+    Re and -Im of exp(root t), the two states of a line at the first sample. In the loop that the filter
+    closes: where a body turns about an axis that it leaves by itself, the motion alone would grow until
+    rounding is all that is left of it.
     """
     F, H = (a[None] if a.ndim == 2 else a[:1] if same_at_all_times(a) else a for a in (model.F, model.H))
     gains, step = filtered.gains, np.diff(time)
-    K, W = (np.asarray(expand(a, gains.start, gains.time)) for a in (gains.K, gains.W))
+    K = np.asarray(expand(gains.K, gains.start, gains.time))
     move, *loads = pushes(F, step, time, axes, root)
     if compiled is not None:
-        white = compiled.whitened(F, H, K, W, move, np.ascontiguousarray(axes.T), *loads)
+        missed = compiled.whitened(F, H, K, turned, move, np.ascontiguousarray(axes.T), *loads)
     else:
-        white = whitened_in_numpy((F, H, K, W), move, axes.T, *loads)
-    return np.asarray(white).reshape(len(time), H.shape[1], 3, len(root), 2)
+        missed = whitened_in_numpy((F, H, K, turned), move, axes.T, *loads)
+    return np.moveaxis(np.asarray(missed).reshape(len(time), H.shape[1], len(root), 3, 2), 2, 3)
 
 
 def pushes(
@@ -156,10 +176,10 @@ def pushes(
     """How a load moves the first three states, (1 or step, 3, direction), and the integrals (step, 2 root) of
     lines that move them, and that change the momentum.
     """
-    turned = root * step[:, None]
+    even = np.ptp(step) < SINGLE * step[0]
+    turned = root * (step[:1] if even else step)[:, None]
     phase, grown = np.exp(root * (time[:-1] - time[0])[:, None]), np.expm1(turned)
-    even = len(F) == 1 and np.ptp(step) < SINGLE * step[0]
-    move = F[:, :3, 3:6] @ axes.T / (step[:1] if even else step)[:, None, None]
+    move = F[:, :3, 3:6] @ axes.T / (step[:1] if even and len(F) == 1 else step)[:, None, None]
     both = ((grown - turned) / root**2 * phase, grown / root * phase)
     moved, pushed = (np.stack([a.real, -a.imag], -1).reshape(len(step), -1) for a in both)
     return np.ascontiguousarray(move), moved, pushed
@@ -168,30 +188,19 @@ def pushes(
 def whitened_in_numpy(
     filter_: tuple[Array, Array, Array, Array], move: Array, turn: Array, moved: Array, pushed: Array
 ) -> Array:
-    """White errors (time, channel, direction * load), as the compiled form works them out."""
+    """White errors (time, channel, root * direction * 2), as the compiled form works them out."""
     K, W = filter_[2:]
     F, H = (np.broadcast_to(a, (len(K), *a.shape[1:])) if len(a) == 1 else a for a in filter_[:2])
     move = np.broadcast_to(move, (len(moved), *move.shape[1:])) if len(move) == 1 else move
     error, d = np.empty((len(K), H.shape[1], 3 * moved.shape[1])), np.zeros((H.shape[2], 3 * moved.shape[1]))
+    moved, pushed = (a.reshape(len(a), -1, 2) for a in (moved, pushed))
     for k in range(len(K)):
         error[k] = H[k] @ d
         if k < len(K) - 1:
             d = F[k] @ (d - K[k] @ error[k])
-            d[:3] += np.einsum("ij,q->ijq", move[k], moved[k]).reshape(3, -1)
-            d[3:6] += np.einsum("ij,q->ijq", turn, pushed[k]).reshape(3, -1)
+            d[:3] += np.einsum("ij,fq->ifjq", move[k], moved[k]).reshape(3, -1)
+            d[3:6] += np.einsum("ij,fq->ifjq", turn, pushed[k]).reshape(3, -1)
     return np.asarray(W @ error)
-
-
-def excite(model: StateSpace, time: Array, axes: Array, root: NDArray[np.complexfloating[Any, Any]]) -> Array:
-    """What channels see of unit lines from rest: (time, channel, direction, root, 2), as `whitened_lines`."""
-    F, H = np.broadcast_to(model.F, (len(time) - 1, *model.F.shape[-2:]))[:, :6, :6], model.H[..., :6]
-    move, moved, pushed = pushes(F, np.diff(time), time, axes, root)
-    x = np.zeros((len(time), 6, 3 * moved.shape[1]))
-    x[1:, :3] = np.einsum("kij,kq->kijq", move, moved).reshape(len(moved), 3, -1)
-    x[1:, 3:] = np.einsum("ij,kq->kijq", axes.T, pushed).reshape(len(moved), 3, -1)
-    for F_k, now, then in zip(F, x[:-1], x[1:], strict=True):
-        then += F_k @ now
-    return np.asarray((H @ x).reshape(len(time), -1, 3, len(root), 2))
 
 
 def line_evidence(information: Array, vector: Array, axes: tuple[int, ...]) -> tuple[Array, Array]:
@@ -228,11 +237,10 @@ def find_line(
 ) -> tuple[Line, ...]:
     """Lines near a candidate frequency along some of x, y, z, where the evidence is for them; else none.
 
-    model: three channels, and the load without these lines, as in `excite`; filtered: what it made of the
-    record; open_axes: those that come in question. A line has to gain PATIENCE, a frequency that is not a
-    harmonic's own as much again, each further axis NUMBER. Axes that would explain the record as well (a
-    nutation shows a moment about either cross axis) share the line, and so does any with which it explains
-    more.
+    model: three channels, and the load without these lines; filtered: what it made of the record; open_axes:
+    those that come in question. A line has to gain PATIENCE, a frequency that is not a harmonic's own as much
+    again, each further axis NUMBER. Axes that would explain the record as well (a nutation shows a moment
+    about either cross axis) share the line, and so does any with which it explains more.
     World axes, because supports, fields and jets that act in a line stand still in the laboratory: a free
     direction is wrong by an angle that the record fixes to some degrees only, and leaks onto axes that
     have no line.
@@ -246,8 +254,14 @@ def find_line(
 
     def gains(frequency: Array, decay: Array) -> tuple[Array, Array]:
         white = whitened_lines(model, filtered, time, axes, 2j * np.pi * frequency - decay)
-        information = np.einsum("tcafi,tcbfj,c->faibj", white, white, 1 / level, optimize=True)
-        vector = np.einsum("afi->fai", np.tensordot(v / level, white, 2))
+        white = np.moveaxis(white, 3, 2).reshape(*v.shape, -1)
+        white *= 1 / np.sqrt(level)[:, None]
+        white = white.reshape(v.size, -1)
+        each = (
+            white[:, own : own + SIX].T @ white[:, own : own + SIX] for own in range(0, white.shape[1], SIX)
+        )
+        information = np.reshape([*each], (-1, 3, 2, 3, 2))
+        vector = ((v / np.sqrt(level)).ravel() @ white).reshape(-1, 3, 2)
         gained, std = np.moveaxis(np.array([line_evidence(information, vector, s) for s in sets]), 0, -1)
         return gained, std
 

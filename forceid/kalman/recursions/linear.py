@@ -123,6 +123,21 @@ def backward(passes: Passes, f: Filtered) -> Array:
     return smoothed if f.z.ndim == 3 else smoothed[:, 0]
 
 
+def followed(passes: Passes, f: Filtered, missed: Array, first: int) -> Array:
+    """States from `first` on (time, signal, state) that a smoother gives a record whose filter misses it.
+
+    By missed (time, signal, channel), before each sample. No other states move these, as those of a load. In
+    the loop that the filter closes: what they move may grow by itself until no digit is left of it.
+    """
+    F, _, H, _, _ = arrays(f.model, missed)
+    g, n, own = f.gains, F.shape[-1], slice(first, None)
+    x, u, untold = np.zeros((*missed.shape[:2], n)), np.zeros((1, 1, n)), np.zeros((0, n, n))
+    later = passes.adjoint_pass(F, u, H, g.start, g.P, g.K, g.W, untold, missed, x)
+    F, K, blind = (np.ascontiguousarray(a) for a in (F[..., own, own], g.K[:, own], 0 * H[..., own]))
+    now = passes.mean_pass(F, u[..., own], blind, g.start, K, x[0, :, own], missed)
+    return np.asarray(now + later[..., own])
+
+
 def steady_gains(F: Array, u: Array, g: Gains) -> Array:
     """Rauch, Tung and Striebel's gain P F^T P_pred^-1 of each run (run, state, state) that is long; else NaN.
 

@@ -9,11 +9,12 @@ import numpy as np
 from forceid.estimation.loads.hidden.whitened import FAINTEST, STEP
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.model import Flight, seen_part
-from forceid.flight.priors.protocol import LoadPrior
+from forceid.flight.priors.protocol import CONSTANT, LoadPrior
 from forceid.flight.smoother import FlightState
-from forceid.kalman.building.line_search import excite, whitened_lines
+from forceid.kalman.building.line_search import missed_lines
 from forceid.kalman.building.lines import Line, axes_left, near
 from forceid.kalman.engines import Engine
+from forceid.kalman.model import expand
 from forceid.records import Array, Finding
 from forceid.significance import WORSE
 
@@ -70,15 +71,19 @@ def hidden_variance(
     about = state.reference
     carrier = None if about is None else about.rotation
     model, z = seen_part(flight, prior, about if first else None, carrier)
-    root = np.array([2j * np.pi * line.frequency - line.bandwidth])
-    signal = excite(model, flight.time, prior.axes, root)[:, :, :, 0]
+    root, states = (
+        np.array([2j * np.pi * line.frequency - line.bandwidth]),
+        slice(CONSTANT.start, prior.states),
+    )
     filtered = engine.filter(model, z)
-    white = whitened_lines(model, filtered, flight.time, prior.axes, root)[:, :, :, 0]
+    as_it_is = np.broadcast_to(np.eye(z.shape[1]), (len(z), z.shape[1], z.shape[1]))
+    missed = missed_lines(model, filtered, flight.time, prior.axes, root, as_it_is)[:, :, :, 0]
+    signals = np.where(np.isfinite(z)[:, None], np.moveaxis(missed, 1, -1).reshape(len(z), 6, -1), np.nan)
+    x = engine.followed(filtered, signals, states.start)[..., : states.stop - states.start]
+    followed = (x @ prior.rows_along(carrier)[..., states].mT).reshape(len(z), 3, 2, 3)
+    g = filtered.gains
+    white = np.einsum("tij,tjaq->tiaq", expand(g.W, g.start, g.time), missed)
     phase = np.exp(root[0] * (flight.time - flight.time[0]))
-    rest = replace(model, x0=0 * model.x0, u=None)
-    seen = np.where(np.isfinite(z)[:, None], np.moveaxis(signal, 1, -1).reshape(len(z), 6, -1), np.nan)
-    x = engine.filter_and_smooth_states(rest, seen)[1][..., : prior.states]
-    followed = (x @ prior.rows_along(carrier).mT).reshape(len(z), 3, 2, 3)
     own, found = np.nan_to_num(filtered.innovation), {}
     for axis in left:
         load = np.stack([phase.real, -phase.imag], 1) - followed[:, axis, :, axis]
