@@ -32,7 +32,6 @@ import numpy as np
 from evidence.judged import judged_part
 from forceid.config import Method, Model, Settings, load_settings
 from forceid.errors import ForceIdError
-from forceid.estimation.long import out_of_core as streaming
 from forceid.estimation.long import windows as stretches
 from forceid.estimation.long.out_of_core import estimate_source
 from forceid.files.result import write_result
@@ -47,7 +46,7 @@ CHANGING = ("runtime_s", "history", "forceid_version", "_NCProperties")  # attri
 TIMES = "timing_"  # what attributes begin with that tell how long a stage took
 
 Limits = tuple[tuple[Any, str, int], ...]
-WINDOWS: Limits = ((streaming, "LONG", 300), (stretches, "CORE", 150), (stretches, "MARGIN", 60))
+WINDOWS: Limits = ((stretches, "LONG", 270), (stretches, "MARGIN", 60))
 BLOCKS: Limits = ((blocks, "MANY", 2), (blocks, "BLOCK", 24 * 3 * 50), *WINDOWS)
 
 Changed = Callable[[Recording], Recording]

@@ -3,7 +3,7 @@ from forceid.files.tree import open_motion as open_motion
 from forceid.files.arrays import motion as motion
 from forceid.files.tree import import_ as import_
 from forceid.estimation.inspection import inspect as inspect
-from forceid.estimation.run import estimate as estimate
+from forceid.estimation.long.windows import estimate as estimate
 from forceid.estimation.live.run import live as live
 from forceid.files.tree import save as save
 from forceid.principal.operator import summation_operator as summation_operator

@@ -25,7 +25,7 @@ def large(tmp_path, monkeypatch):
     """A recording that counts as large here, of a body under a constant force."""
     monkeypatch.setattr(blocks, "MANY", 8)
     monkeypatch.setattr(blocks, "BLOCK", 24 * NODES * 50)
-    monkeypatch.setattr(stretches, "CORE", 150)
+    monkeypatch.setattr(stretches, "LONG", 270)
     monkeypatch.setattr(stretches, "MARGIN", 60)
     rng = np.random.default_rng(0)
     X, t = rng.standard_normal((NODES, 3)), np.arange(FRAMES) / 200
@@ -115,7 +115,6 @@ def test_a_folder_that_is_not_there_is_one_line(large, tmp_path, capsys):
 
 def test_frames_too_many_to_be_smoothed_at_once_are_taken_by_stretches(large, monkeypatch, capsys):
     monkeypatch.setattr(blocks, "MANY", 4000)
-    monkeypatch.setattr(streaming, "LONG", FRAMES - 1)
     assert main(["estimate", str(large), *QUICK]) == 0
     said = capsys.readouterr()
     assert "blocks" not in said.err

@@ -190,7 +190,7 @@ def main() -> None:
         about,
         table(rows),
         "![CPU time and memory over frames, nodes and modes](growth.png)",
-        "Beyond 4000 nodes four markers stand for all; beyond 50 000 frames, stretches.",
+        "Beyond 4000 nodes four markers stand for all; beyond 1500 frames, stretches.",
     )
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from forceid.config import load_settings
 from forceid.errors import ForceIdError
-from forceid.estimation.run import estimate_recording
+from forceid.estimation.long.windows import estimate_of_any_length
 from forceid.files.stored.hdf5 import read_motion, write_motion
 from forceid.records import Estimate, Recording
 
@@ -39,7 +39,7 @@ def attempt(recording: Recording, **settings: Any) -> Attempt:
             path = Path(folder) / "recording.h5"
             write_motion(path, recording)
             recording = read_motion(path)
-        found = estimate_recording(recording, load_settings(**settings))
+        found = estimate_of_any_length(recording, load_settings(**settings))
     except Exception as error:
         known = isinstance(error, ForceIdError)
         where = "" if known else traceback.format_exc().splitlines()[-2].strip()

@@ -65,7 +65,7 @@ def run(
     """Estimate the applied force and moment of FILE, with covariance.
 
     Exit code 1 when the estimate is refused; the result is still written, with NaN where nothing is known. A
-    recording that takes long, over 1 GB or 50000 frames, goes on where it was stopped.
+    recording that takes long, over 1 GB or 1500 frames, goes on where it was stopped.
 
     Example: forceid estimate toss.h5 --method smoother -o toss.result.h5
     """

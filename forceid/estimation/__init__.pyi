@@ -9,8 +9,8 @@ from forceid.estimation.live.run import live_pace as live_pace
 from forceid.estimation.long.out_of_core import estimate_source as estimate_source
 from forceid.estimation.long.out_of_core import read_recording as read_recording
 from forceid.estimation.long.windows import Progress as Progress
+from forceid.estimation.long.windows import estimate as estimate
 from forceid.estimation.long.windows import unwatched as unwatched
-from forceid.estimation.run import estimate as estimate
 from forceid.estimation.simulated import Simulated as Simulated
 from forceid.estimation.simulated import fly_again as fly_again
 from forceid.estimation.simulated import recording_of as recording_of

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from forceid.config import Settings, load_settings, to_toml
+from forceid.config import Settings, to_toml
 from forceid.errors import ConfigError, DataError, EstimationError
 from forceid.estimation.affine.first_moments import given_stress, observed_first_moments, polar_motion
 from forceid.estimation.applied import about_point, applied_loads, check_points, lever
@@ -79,23 +78,6 @@ from forceid.records import Array, Body, Estimate, Finding, Motion, Recording, d
 from forceid.rounding import SOLVED, solvable
 from forceid.threads import threads_for
 from forceid.timing import in_order, recorded, stage
-
-if TYPE_CHECKING:
-    import xarray
-
-
-def estimate(tree: xarray.DataTree, config: Any = None, **settings: Any) -> xarray.DataTree:
-    """Applied force and moment of a motion, with everything that stands behind them.
-
-    tree: from `open_motion`, or built alike; config: a TOML file; settings: single keys that override it.
-    Returns a DataTree with /estimate (and /load where loads are asked for), as in a result file. Raises
-    DataError, ConfigError; an estimate that cannot be defended comes back as NaN with verdict "refused".
-    """
-    from forceid.files import recording_from_tree, tree_from_estimate
-
-    merged = load_settings(config, **settings)
-    recording = recording_from_tree(tree, merged.gravity)
-    return tree_from_estimate(estimate_recording(recording, merged), recording)
 
 
 @solvable()

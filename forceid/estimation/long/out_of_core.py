@@ -21,8 +21,7 @@ from forceid.config import Settings
 from forceid.errors import ConfigError, DataError
 from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.body.tetrahedron import Sums, affine_maps, four_nodes, tetrahedron, whitening_basis
-from forceid.estimation.long.windows import Progress, estimate_windows, unwatched
-from forceid.estimation.run import estimate_recording
+from forceid.estimation.long.windows import Progress, estimate_of_any_length, made, unwatched
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge
 from forceid.estimation.verdict.innovations import NIS_BAND
@@ -40,7 +39,6 @@ from forceid.timing import in_order, recorded, stage
 
 REDUCED = "first moments of"  # in the history of a recording that was reduced here
 SUMS = "sums.npz"
-LONG = 50_000  # frames: an estimate of all at once takes 45 kB a frame
 KEEP = 20.0  # s of work between two checkpoints
 ABSURD = 1e20  # kg m: a sum beyond holds something that is no position
 
@@ -55,11 +53,8 @@ def estimate_source(
     """
     with recorded() as spent:
         recording, left_out = read_recording(path, settings, kept, progress)
-    whole = len(recording.motion.time) <= LONG or bool(settings.part or settings.joint)
-    if whole and REDUCED not in recording.history:
-        estimate = estimate_recording(recording, settings)
-    else:
-        estimate = estimate_windows(recording, settings, made(kept), progress)
+    estimate = estimate_of_any_length(recording, settings, kept, progress)
+    if left_out:
         estimate = replace(estimate, verdict=judge([*estimate.verdict.findings, *left_out]))
     return replace(estimate, timing=in_order(spent, estimate.timing)), recording
 
@@ -83,17 +78,6 @@ def read_recording(
         what = "is too large to be held as single nodes, expected model auto, rigid or affine, and no parts"
         raise ConfigError(what, str(path), "leave out nodes or frames")
     return reduced(path, before, sha256, settings, made(kept), progress)
-
-
-def made(kept: Path | None) -> Path | None:
-    """The folder for what is done, made where there is one to be."""
-    try:
-        if kept is not None:
-            kept.mkdir(exist_ok=True)
-    except OSError as e:
-        what = f"cannot be made ({e.strerror})"
-        raise ConfigError(what, str(kept), "give an existing folder with room and write permission") from e
-    return kept
 
 
 def reduced(

@@ -1,35 +1,35 @@
-"""Recordings of very many frames, estimated a stretch at a time: memory stays that of one stretch.
+"""Recordings of many frames, estimated a stretch at a time: time grows as they do, memory stays.
 
-Each stretch is smoothed with a margin of its neighbors on either side, which is longer than what a smoother
-remembers, and then cut off; its priors are tuned on it alone, so that a load which changes its character on
-the way is followed.
+Each stretch is smoothed with a margin of its neighbors on either side, and then cut off; its priors are tuned
+on it alone, so that a load which changes its character on the way is followed. Of a load so slow that a
+smoother remembers more than the margin, neighbors differ within their claims.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import fields, replace
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from forceid import __version__
-from forceid.config import Settings, to_toml
-from forceid.errors import DataError
+from forceid.config import Settings, load_settings, to_toml
+from forceid.errors import ConfigError, DataError
+from forceid.estimation.long.joined import cut, joined_windows
 from forceid.estimation.run import estimate_recording
-from forceid.estimation.verdict.finding import judge
-from forceid.estimation.verdict.innovations import wild_innovation
 from forceid.files import read_result, write_result
 from forceid.files.result import read_version
-from forceid.files.schema import WITNESSED
-from forceid.records import Aero, Estimate, Finding, Flown, HiddenLoad, Loads, Recording, Verdict, Witness
-from forceid.timing import in_order
+from forceid.records import Estimate, Recording
 
-CORE, MARGIN = 512, 192  # frames of a stretch that are kept, and that are smoothed beside them
-NUMBERS = ("tuned", "ladder", "leakage", "sensitivity")
+if TYPE_CHECKING:
+    import xarray
+
+LONG = 1500  # frames that are estimated at once: of so many, at most, are the records that count the claims
+MARGIN = LONG // 6  # frames that are smoothed on either side of those of a stretch that are kept
 Progress: TypeAlias = "Callable[[int, str], AbstractContextManager[Callable[[], None]]]"
 
 
@@ -39,18 +39,33 @@ def unwatched(total: int, unit: str) -> Iterator[Callable[[], None]]:
     yield lambda: None
 
 
-def estimate_windows(
+def estimate(tree: xarray.DataTree, config: Any = None, **settings: Any) -> xarray.DataTree:
+    """Applied force and moment of a motion, with everything that stands behind them.
+
+    tree: from `open_motion`, or built alike; config: a TOML file; settings: single keys that override it.
+    Returns a DataTree with /estimate (and /load where loads are asked for), as in a result file. Raises
+    DataError, ConfigError; an estimate that cannot be defended comes back as NaN with verdict "refused".
+    """
+    from forceid.files import recording_from_tree, tree_from_estimate
+
+    merged = load_settings(config, **settings)
+    recording = recording_from_tree(tree, merged.gravity)
+    return tree_from_estimate(estimate_of_any_length(recording, merged), recording)
+
+
+def estimate_of_any_length(
     recording: Recording, settings: Settings, kept: Path | None = None, progress: Progress = unwatched
 ) -> Estimate:
-    """The estimate of a recording of any length, at once where it is short. Raises as estimate_recording.
+    """The estimate of a recording, in stretches where it is LONG. Raises as estimate_recording.
 
     kept: a folder for the results of stretches that are done, from which an estimate that was stopped goes
     on; they are of use for the same input, settings and version.
     """
     frames = len(recording.motion.time)
-    if frames <= CORE + 2 * MARGIN:
+    if frames <= LONG or settings.part or settings.joint:  # joints have reactions that are no stretch's own
         return estimate_recording(recording, settings)
-    edges = np.linspace(0, frames, -(-frames // CORE) + 1).astype(int).tolist()
+    kept = made(kept)
+    edges = np.linspace(0, frames, -(-frames // (LONG - 2 * MARGIN)) + 1).astype(int).tolist()
     pieces = []
     with progress(len(edges) - 1, "stretches") as advance:
         for a, b in pairwise(edges):
@@ -67,6 +82,17 @@ def estimate_windows(
     return joined_windows(pieces)
 
 
+def made(kept: Path | None) -> Path | None:
+    """The folder for what is done, made where there is one to be."""
+    try:
+        if kept is not None:
+            kept.mkdir(exist_ok=True)
+    except OSError as e:
+        what = f"cannot be made ({e.strerror})"
+        raise ConfigError(what, str(kept), "give an existing folder with room and write permission") from e
+    return kept
+
+
 def restored_window(path: Path, recording: Recording, settings: Settings) -> Estimate | None:
     """What an earlier run found in a stretch of the same recording, with the same settings and version."""
     try:
@@ -75,139 +101,3 @@ def restored_window(path: Path, recording: Recording, settings: Settings) -> Est
         return None
     same = (piece.settings, piece.input_sha256, by) == (to_toml(settings), recording.sha256, __version__)
     return piece if same else None
-
-
-def cut(record: Any, first: int, last: int, frames: int) -> Any:
-    """A record with those of `frames` samples, in every array that has one a frame."""
-    kept = {}
-    for f in fields(record):
-        value = getattr(record, f.name)
-        if isinstance(value, np.ndarray) and value.ndim and len(value) == frames:
-            kept[f.name] = value[first:last].copy()
-        elif f.name in RECORDS and value is not None:
-            kept[f.name] = cut(value, first, last, frames)
-    return replace(record, **kept)
-
-
-RECORDS = ("loads", "witness", "flown", "aero")  # records in an estimate that have samples of their own
-STANDING = ("null_space", "estimable")  # what is true of loads whatever a stretch shows
-
-
-def joined_windows(pieces: Sequence[Estimate]) -> Estimate:
-    """Stretches as one estimate: worst verdict, every reason once, sums and medians of the numbers."""
-    numbers: dict[str, Any] = {}
-    for name in NUMBERS:
-        each = [getattr(p, name) for p in pieces]
-        keys = dict.fromkeys(key for one in each for key in one)
-        numbers[name] = {key: float(np.median([one[key] for one in each if key in one])) for key in keys}
-    known = [p for p in pieces if p.engine != "none"] or list(pieces)
-    if loads := next((p.loads for p in pieces if p.loads is not None), None):
-        pieces = [p if p.loads else replace(p, loads=emptied(loads, len(p.time))) for p in pieces]
-    whole: Estimate = chained(pieces)
-    seen = np.isfinite(whole.innovation).any()
-    if (
-        not seen or wild_innovation(whole.time, whole.innovation, whole.nis) is None
-    ):  # what chance does in one of a hundred, a long record has many of
-        said = [[f for f in p.verdict.findings if f.code != "innovation-wild"] for p in pieces]
-        pieces = [replace(p, verdict=judge(kept)) for p, kept in zip(pieces, said, strict=True)]
-    return replace(
-        whole,
-        modal=None,  # each stretch shows modes of its own
-        engine=known[0].engine,
-        mass=known[0].mass,
-        model_choice=known[0].model_choice,
-        log_likelihood=float(sum(p.log_likelihood for p in pieces)),
-        runtime_s=sum(p.runtime_s for p in pieces),
-        timing=in_order(*(p.timing for p in pieces)),
-        verdict=worst_of(pieces),
-        hidden=widest([p.hidden for p in pieces]),
-        witness=farthest(pieces),
-        **numbers,
-    )
-
-
-def widest(hidden: Sequence[HiddenLoad | None]) -> HiddenLoad | None:
-    """What may hide in any of several stretches: the narrowest band, the largest load."""
-    known = [h for h in hidden if h is not None]
-    if not known:
-        return None
-    at = known[0].frequency
-    most = [[np.interp(at, h.frequency, a) for a in h.amplitude.T] for h in known]
-    band = np.stack([h.band for h in known])
-    return HiddenLoad(at, np.fmax.reduce(np.array(most)).T, np.fmin.reduce(band))
-
-
-def farthest(pieces: Sequence[Estimate]) -> Witness | None:
-    """The witness of several stretches: its loads in a row, its numbers, by axis, where they differ most."""
-    known = next((p.witness for p in pieces if p.witness is not None), None)
-    if known is None:
-        return None
-    each = [p.witness or emptied(known, len(p.time)) for p in pieces]
-    numbers = {}
-    for load in ("force", "moment"):
-        off = [getattr(w, f"difference_{load}") / getattr(w, f"limit_{load}") for w in each]
-        at = np.argmax(np.nan_to_num(off, nan=-1.0), axis=0)
-        for name in (f"{number}_{load}" for number in WITNESSED):
-            numbers[name] = np.array([getattr(w, name) for w in each])[at, np.arange(3)]
-    whole: Witness = chained(each)
-    return replace(whole, **numbers)
-
-
-def chained(records: Sequence[Any]) -> Any:
-    """Records with their samples one after the other; None where one of them has none."""
-    lengths = [len(samples_of(r)) for r in records]
-    joint: dict[str, Any] = {}
-    for f in fields(records[0]):
-        values = [getattr(r, f.name) for r in records]
-        if any(v is None for v in values):
-            joint[f.name] = None
-        elif f.name in RECORDS:
-            joint[f.name] = chained(values)
-        elif isinstance(values[0], np.ndarray) and all(
-            v.ndim and len(v) == n for v, n in zip(values, lengths, strict=True)
-        ):
-            wide = max(v.shape[1:] for v in values)
-            joint[f.name] = np.concatenate(
-                [v if v.shape[1:] == wide else np.full((len(v), *wide), np.nan) for v in values]
-            )
-    return replace(records[0], **joint)
-
-
-def emptied(record: Any, frames: int) -> Any:
-    """A record of another stretch as that of one which is refused, of so many frames: all numbers NaN."""
-    samples, gone = len(samples_of(record)), {}
-    for f in fields(record):
-        value = getattr(record, f.name)
-        if isinstance(value, np.ndarray) and f.name not in STANDING:
-            shape = (frames, *value.shape[1:]) if len(value) == samples else value.shape
-            gone[f.name] = np.full(shape, np.nan)
-    return replace(record, **gone)
-
-
-def samples_of(record: Any) -> Any:
-    """An array of a record that has one entry a frame."""
-    if isinstance(record, Estimate):
-        return record.time
-    named = {Loads: "load", Flown: "center", Aero: "value"}
-    return getattr(record, named.get(type(record), "force"))
-
-
-def worst_of(pieces: Sequence[Estimate]) -> Verdict:
-    """The worst verdict; a cause that several stretches give is told once, since when and how often."""
-    by_cause: dict[tuple[str, ...], list[tuple[float, Finding]]] = {}
-    for piece in pieces:
-        for finding in piece.verdict.findings:
-            by_cause.setdefault(finding.cause, []).append((float(piece.time[0]), finding))
-    return judge([in_windows(times, len(pieces)) for times in by_cause.values()])
-
-
-def in_windows(times: Sequence[tuple[float, Finding]], count: int) -> Finding:
-    """The findings of one cause, with the starts of their stretches, as one of all `count` stretches."""
-    start, first = times[0]
-    several = f" (so do {len(times) - 1} more of {count} stretches)" if len(times) > 1 else ""
-    return replace(
-        first,
-        level=judge([finding for _, finding in times]).level,
-        values={**first.values, "from_s": start},
-        text=f"from {start:.6g} s on, {first.text}{several}",
-    )

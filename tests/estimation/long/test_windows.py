@@ -8,14 +8,14 @@ import pytest
 from forceid import __version__
 from forceid.config import load_settings
 from forceid.estimation.long import windows as stretches
-from forceid.estimation.long.windows import estimate_windows
+from forceid.estimation.long.windows import estimate_of_any_length
 from forceid.estimation.run import estimate_recording
 from forceid.records import Body, Motion, Recording
 
 
 @pytest.fixture(autouse=True)
 def short(monkeypatch):
-    monkeypatch.setattr(stretches, "CORE", 150)
+    monkeypatch.setattr(stretches, "LONG", 270)
     monkeypatch.setattr(stretches, "MARGIN", 60)
 
 
@@ -38,14 +38,14 @@ def flight(frames=400, lost=None):
 def test_a_short_recording_is_estimated_at_once():
     recording, settings = flight(120), load_settings(method="difference")
     assert np.array_equal(
-        estimate_windows(recording, settings).force, estimate_recording(recording, settings).force
+        estimate_of_any_length(recording, settings).force, estimate_recording(recording, settings).force
     )
 
 
 @pytest.mark.long
 def test_joined_stretches_hold_what_they_claim_at_the_seams_too():
     recording, settings = flight(), load_settings(lines="none")
-    whole, pieces = estimate_recording(recording, settings), estimate_windows(recording, settings)
+    whole, pieces = estimate_recording(recording, settings), estimate_of_any_length(recording, settings)
     for name, value in vars(whole).items():
         if isinstance(value, np.ndarray):
             assert getattr(pieces, name).shape == value.shape
@@ -60,15 +60,17 @@ def test_joined_stretches_hold_what_they_claim_at_the_seams_too():
 
 def test_a_stretch_that_shows_nothing_is_unknown_and_the_others_stay():
     settings = load_settings(method="difference")
-    found = estimate_windows(flight(lost=slice(140, 400)), settings)
+    found = estimate_of_any_length(flight(lost=slice(140, 400)), settings)
     assert np.isfinite(found.force[20:100]).all()
     assert np.isnan(found.force[270:]).all()
-    assert found.verdict.level == "refused"
+    assert found.verdict.level == "degraded"
     assert any(reason.startswith("from ") for reason in found.verdict.reasons)
+    nothing = flight(lost=slice(0, 400))
+    assert estimate_of_any_length(nothing, settings).verdict.level == "refused"
 
 
 def test_a_reason_of_several_stretches_is_told_once():
-    found = estimate_windows(flight(), load_settings(method="difference", noise_std={"center": 1e-3}))
+    found = estimate_of_any_length(flight(), load_settings(method="difference", noise_std={"center": 1e-3}))
     masked = [reason.split(", ", 1)[1] for reason in found.verdict.reasons]
     assert len(masked) == len(set(masked))
     assert any("more of 3 stretches" in reason for reason in found.verdict.reasons)
@@ -76,7 +78,7 @@ def test_a_reason_of_several_stretches_is_told_once():
 
 def test_an_estimate_that_was_stopped_goes_on_from_its_stretches_to_the_same_bits(tmp_path, monkeypatch):
     recording, settings = replace(flight(), sha256="a"), load_settings(method="difference")
-    at_once = estimate_windows(recording, settings)
+    at_once = estimate_of_any_length(recording, settings)
     calls = []
 
     def stopped(part, settings):
@@ -87,8 +89,8 @@ def test_an_estimate_that_was_stopped_goes_on_from_its_stretches_to_the_same_bit
 
     monkeypatch.setattr(stretches, "estimate_recording", stopped)
     with pytest.raises(KeyboardInterrupt):
-        estimate_windows(recording, settings, tmp_path)
-    later = estimate_windows(recording, settings, tmp_path)
+        estimate_of_any_length(recording, settings, tmp_path)
+    later = estimate_of_any_length(recording, settings, tmp_path)
     assert calls[2] == calls[1]  # the stretch that was not finished
     assert len(calls) == 4
     assert later.verdict == at_once.verdict
@@ -105,7 +107,7 @@ def test_an_estimate_that_was_stopped_goes_on_from_its_stretches_to_the_same_bit
 )
 def test_stretches_of_another_input_settings_or_version_are_not_used(tmp_path, monkeypatch, other):
     recording, settings = replace(flight(), sha256="a"), load_settings(method="difference")
-    estimate_windows(recording, settings, tmp_path)
+    estimate_of_any_length(recording, settings, tmp_path)
     assert len(list(tmp_path.iterdir())) == 3
     calls = []
 
@@ -114,11 +116,28 @@ def test_stretches_of_another_input_settings_or_version_are_not_used(tmp_path, m
         return estimate_recording(part, settings)
 
     monkeypatch.setattr(stretches, "estimate_recording", counted)
-    estimate_windows(recording, settings, tmp_path)
+    estimate_of_any_length(recording, settings, tmp_path)
     assert not calls
     monkeypatch.setattr(stretches, "__version__", other.get("version", __version__))
     for path in tmp_path.iterdir():
         path.write_bytes(b"torn" if "torn" in other else path.read_bytes())
     asked = replace(recording, sha256=other.get("sha256", "a")), other.get("settings", settings)
-    estimate_windows(*asked, tmp_path)
+    estimate_of_any_length(*asked, tmp_path)
     assert len(calls) == 3
+
+
+def test_forces_on_modes_that_the_file_names_go_through_all_stretches():
+    rng, t = np.random.default_rng(1), np.arange(400) / 100
+    place = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
+    bend = np.zeros((6, 3))
+    bend[:2, 2], bend[2:4, 2] = 1.0, -1.0
+    names = tuple(f"n{k}" for k in range(6))
+    body = Body(names, place, np.full(6, 0.1), mode_shape=bend[None], mode_frequency=np.array([5.0]))
+    x = place + 0.01 * np.sin(9 * t)[:, None, None] * bend + 1e-4 * rng.standard_normal((400, 6, 3))
+    found = estimate_of_any_length(
+        Recording(body, Motion(t, x, noise_std={"position": 1e-4})),
+        load_settings(lines="none", model="modal"),
+    )
+    assert found.modal is not None
+    assert found.modal.force.shape == (400, 1)
+    assert np.isfinite(found.modal.force).all()
