@@ -11,7 +11,7 @@ from forceid.estimation.loads.hidden.left_out import (
     densities,
     hidden_load,
 )
-from forceid.estimation.long.windows import widest
+from forceid.estimation.long.joined import widest
 from forceid.estimation.run import estimate_recording
 from forceid.files.result import read_result, write_result
 from forceid.flight.channels import Channel
