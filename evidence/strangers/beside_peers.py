@@ -22,7 +22,7 @@ from evidence.subjects.flights.peers.entrants import peers
 from evidence.written import asked, each, paged, pictured
 from forceid.config import load_settings
 from forceid.errors import ForceIdError
-from forceid.estimation.run import estimate_recording
+from forceid.estimation.long.windows import estimate_of_any_length
 from forceid.records import Array
 
 OURS = "forceid"
@@ -51,7 +51,7 @@ def met(job: tuple[str, int]) -> Met | None:
         return None
     case, error = case_of(kind, recording, False), {}
     try:
-        found = estimate_recording(case.blind, load_settings(**scene.settings))
+        found = estimate_of_any_length(case.blind, load_settings(**scene.settings))
         error[OURS] = errors(case, found.force, found.moment)
     except ForceIdError:
         error[OURS] = np.nan, np.nan

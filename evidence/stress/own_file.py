@@ -13,7 +13,7 @@ from evidence.judged import LOADS, WRONG, scores, silently_wrong
 from evidence.subjects.flights.twin import twin
 from forceid.config import Settings
 from forceid.errors import ForceIdError
-from forceid.estimation.run import estimate_recording
+from forceid.estimation.long.windows import estimate_of_any_length
 from forceid.files.stored.hdf5 import read_motion
 from forceid.records import Array, Recording
 
@@ -135,7 +135,7 @@ def met(recording: Recording, fault: Fault | None, level: float, rng: np.random.
     name = "none" if fault is None else fault.name
     try:
         faulty = recording if fault is None else fault.make(recording, level, rng)
-        found = estimate_recording(replace(faulty, truth={}), Settings())
+        found = estimate_of_any_length(replace(faulty, truth={}), Settings())
     except ForceIdError:
         return Met(name, level, "refused", float("nan"), float("nan"))
     off = scores(found, [faulty.truth[load] for load in LOADS])

@@ -10,7 +10,7 @@ import numpy as np
 from evidence.subject import Answer, Contestant
 from evidence.subjects.flights.cases import Case
 from forceid.config import load_settings, to_toml
-from forceid.estimation.run import estimate_recording
+from forceid.estimation.long.windows import estimate_of_any_length
 from forceid.kalman.engines import engine
 from forceid.records import Array, Estimate
 
@@ -48,7 +48,7 @@ def under_settings(name: str, kind: Any, about: str, slow: bool = False, **setti
     merged = load_settings(**settings)
 
     def prepare(case: Case) -> Callable[[], Answer]:
-        return lambda: answer_of_estimate(estimate_recording(case.blind, merged))
+        return lambda: answer_of_estimate(estimate_of_any_length(case.blind, merged))
 
     key = to_toml(merged) + engine(merged.engine).name
     return Contestant(name, prepare, kind, about, key=key, slow=slow)

@@ -14,7 +14,6 @@ from evidence.subject import Answer, Contestant, at_once
 from evidence.subjects.flights.failures.record import Faulty
 from evidence.subjects.flights.oracle import bound
 from forceid.config import Settings, load_settings
-from forceid.estimation.run import estimate_recording
 from forceid.estimation.verdict.sensitivity import UNITS
 from forceid.files.validate import check_recording
 from forceid.records import Array, Estimate, Recording
@@ -33,7 +32,7 @@ def contestants(failure: Failure, short: bool = False) -> tuple[Contestant, ...]
     return (*map(contestant, METHODS), *(contestant("smoother", model) for model in models))
 
 
-def contestant(method: str, model: str = "auto", estimator: Estimator = estimate_recording) -> Contestant:
+def contestant(method: str, model: str = "auto", estimator: Estimator = estimate_of_any_length) -> Contestant:
     """A method with a model."""
     name = method if model == "auto" else f"{method}, {model}"
     return at_once(name, partial(answered_flight, estimator, method, model))
