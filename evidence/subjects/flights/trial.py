@@ -14,6 +14,7 @@ from evidence.subject import Answer, Contestant, at_once
 from evidence.subjects.flights.failures.record import Faulty
 from evidence.subjects.flights.oracle import bound
 from forceid.config import Settings, load_settings
+from forceid.estimation.long.windows import estimate_of_any_length
 from forceid.estimation.verdict.sensitivity import UNITS
 from forceid.files.validate import check_recording
 from forceid.records import Array, Estimate, Recording
