@@ -175,7 +175,8 @@ def in_windows(times: Sequence[tuple[float, Finding]], count: int, some: bool) -
     some: whether any of these is not refused.
     """
     start, first = times[0]
-    several = f" (so do {len(times) - 1} more of {count} stretches)" if len(times) > 1 else ""
+    more = len({begin for begin, _ in times}) - 1
+    several = f" (so do {more} more of {count} stretches)" if more else ""
     level = judge([finding for _, finding in times]).level
     return replace(
         first,
