@@ -22,6 +22,8 @@ from forceid.config import Settings
 from forceid.errors import DataError
 from forceid.estimation.loads.channels import force_channel, moment_channel
 from forceid.estimation.loads.hidden.whitened import whitened
+from forceid.estimation.long.joined import cut
+from forceid.estimation.long.windows import LONG
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.run import estimate_whole
 from forceid.kalman.engines import engine
@@ -33,8 +35,12 @@ from forceid.scenes.mechanics import solve_ode
 def twin(recording: Recording, rng: np.random.Generator, where: str = "") -> Recording:
     """A recording as this one might have been, with the force and the moment that acted on it.
 
-    DataError: the recording shows no markers, or its estimate is refused.
+    Of one that is estimated in stretches, the stretch in the middle. DataError: the recording shows no markers, or its estimate is refused.
     """
+    frames = len(recording.motion.time)
+    if frames > LONG:
+        first = (frames - LONG) // 2
+        recording = replace(recording, motion=cut(recording.motion, first, first + LONG, frames))
     motion = recording.motion
     if motion.position is None or motion.readings:
         raise DataError(

@@ -8,6 +8,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.stats import kendalltau
 from spinning_body import spinning
 
+from evidence.subjects.flights import twin as flights_twin
 from evidence.subjects.flights.bodies import Setup, fly
 from evidence.subjects.flights.cases import case_of, shipped
 from evidence.subjects.flights.chart import contestants, rms_by_load, scored_by_axis
@@ -44,6 +45,13 @@ def test_another_seed_is_another_twin_of_the_same_gaps():
     np.testing.assert_array_equal(np.isnan(one.motion.position), np.isnan(x))
     assert np.nanmax(np.abs(one.motion.position - other.motion.position)) > 0
     assert np.abs(one.truth["force"] - other.truth["force"]).max() > 0
+
+
+def test_a_long_recording_has_a_twin_of_the_stretch_in_its_middle(monkeypatch):
+    monkeypatch.setattr(flights_twin, "LONG", 200)
+    found = twin(BLIND, np.random.default_rng(1))
+    np.testing.assert_array_equal(found.motion.time, BLIND.motion.time[50:250])
+    assert found.motion.position.shape[0] == len(found.truth["force"]) == 200
 
 
 def test_a_surrogate_has_the_spectrum_of_its_noise():
