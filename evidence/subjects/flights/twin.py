@@ -35,7 +35,9 @@ from forceid.scenes.mechanics import solve_ode
 def twin(recording: Recording, rng: np.random.Generator, where: str = "") -> Recording:
     """A recording as this one might have been, with the force and the moment that acted on it.
 
-    Of one that is estimated in stretches, the stretch in the middle. DataError: the recording shows no markers, or its estimate is refused.
+    Of one that is estimated in stretches, the stretch in the middle.
+
+    DataError: the recording shows no markers, or its estimate is refused.
     """
     frames = len(recording.motion.time)
     if frames > LONG:
