@@ -122,11 +122,11 @@ class Drawn:
     markers: int
 
 
-def drawn_kinds(rng: np.random.Generator) -> Drawn:
-    """All that is drawn of a record before the details of body and load."""
+def drawn_kinds(rng: np.random.Generator, frames: Span = SAMPLES) -> Drawn:
+    """All that is drawn of a record, of so many frames, before the details of body and load."""
     soft = bool(rng.random() < SOFT_SHARE)
     least = 5 if soft else MARKERS[0]
-    load, rate, samples = choice(rng, LOADS), log_even(rng, RATES), round(log_even(rng, SAMPLES))
+    load, rate, samples = choice(rng, LOADS), log_even(rng, RATES), round(log_even(rng, frames))
     long, weight = samples / rate > FALLS, bool(rng.random() >= WEIGHTLESS)
     weight = weight and not (long and load == "none")
     return Drawn(

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from evidence.calibration.distributions import SAMPLES, Span
 from evidence.calibration.patience import within
 from evidence.calibration.record import DrawnRecord, drawn_record
 from evidence.judged import LOADS, UNKNOWN, WRONG, Judged, judged_part, scores
@@ -14,7 +15,7 @@ from evidence.strangers.attempt import attempt
 from forceid.records import Estimate
 from forceid.significance import QUANTILE
 
-PATIENCE = 120.0  # s of CPU: of an estimate; then it is stopped, and counted so
+PATIENCE = 120.0  # s of CPU: of an estimate, in a long record of each stretch; then it is stopped
 KINDS = ("load", "error", "told", "place", "stated", "soft")  # by which results are counted
 
 
@@ -93,14 +94,15 @@ def judged(case: DrawnRecord, found: Estimate) -> dict[str, tuple[float, ...]]:
     return scores(found, truth) | {"inside": tuple(inside)}
 
 
-def outcome_of(job: tuple[int, int]) -> Outcome:
-    """What comes of a record of a seed and a number."""
-    seed, number = job
-    case = drawn_record(seed, number)
-    tried = within(PATIENCE, lambda: attempt(case.recording, **case.settings))
+def outcome_of(job: tuple[int, int, Span]) -> Outcome:
+    """What comes of a record of a seed, a number and a span of frames."""
+    seed, number, frames = job
+    case = drawn_record(seed, number, frames)
+    patience = PATIENCE * max(1.0, case.drawn.samples / SAMPLES[1])
+    tried = within(patience, lambda: attempt(case.recording, **case.settings))
     drawn = asdict(case.drawn)
     if tried is None:
-        return Outcome(number, drawn, "stopped", (), PATIENCE)
+        return Outcome(number, drawn, "stopped", (), patience)
     if tried.found is None:
         return Outcome(number, drawn, tried.verdict, tried.codes, tried.seconds)
     held = tuple(f.code for f in tried.found.verdict.findings if f.level != "ok")

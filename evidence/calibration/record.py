@@ -38,10 +38,10 @@ class DrawnRecord:
     halved: int
 
 
-def drawn_record(seed: int, number: int) -> DrawnRecord:
-    """Record `number` of a seed."""
+def drawn_record(seed: int, number: int, frames: of.Span = of.SAMPLES) -> DrawnRecord:
+    """Record `number` of a seed, of so many frames."""
     rng = np.random.default_rng([seed, number])
-    drawn = drawn_kinds(rng)
+    drawn = drawn_kinds(rng, frames)
     body = drawn_body(drawn, rng)
     time = np.arange(drawn.samples) / drawn.rate
     gravity = GRAVITY if drawn.weight else np.zeros(3)
