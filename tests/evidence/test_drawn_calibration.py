@@ -24,7 +24,7 @@ def rate(values, step):
 def of_kind(monkeypatch, **kinds):
     """A drawn record of certain kinds, short and seldom."""
     short = {"rate": 200.0, "samples": 120, "held": False}
-    monkeypatch.setattr(record, "drawn_kinds", lambda rng: replace(drawn_kinds(rng), **short | kinds))
+    monkeypatch.setattr(record, "drawn_kinds", lambda rng, _: replace(drawn_kinds(rng), **short | kinds))
     return drawn_record(5, list(LOADS).index(kinds.get("load", "none")))
 
 
