@@ -13,10 +13,12 @@ from forceid.estimation.verdict.innovations import wild_innovation
 from forceid.files.schema import WITNESSED
 from forceid.records import (
     Aero,
+    Array,
     Estimate,
     Finding,
     Flown,
     HiddenLoad,
+    Impulses,
     Loads,
     ModalForces,
     Verdict,
@@ -77,6 +79,7 @@ def joined_windows(pieces: Sequence[Estimate]) -> Estimate:
         verdict=worst_of(pieces),
         hidden=widest([p.hidden for p in pieces]),
         witness=farthest(pieces),
+        impulses=between_edges(pieces),
         **numbers,
     )
 
@@ -99,6 +102,21 @@ def widest(hidden: Sequence[HiddenLoad | None]) -> HiddenLoad | None:
     most = [[np.interp(at, h.frequency, a) for a in h.amplitude.T] for h in known]
     band = np.stack([h.band for h in known])
     return HiddenLoad(at, np.fmax.reduce(np.array(most)).T, np.fmin.reduce(band))
+
+
+def between_edges(pieces: Sequence[Estimate]) -> Impulses | None:
+    """What loads give between edges that one stretch shows: not what begins or ends where a stretch does."""
+    found: list[tuple[Array, ...]] = []
+    last = len(pieces) - 1
+    for k, piece in enumerate(pieces):
+        if (one := piece.impulses) is None:
+            continue
+        own = (one.start >= piece.time[0]) & ((k == last) | (one.stop < one.stop[-1]))
+        if k < last:
+            own &= one.start < pieces[k + 1].time[0]
+        found.append(tuple(a[own] for a in (one.start, one.stop, one.impulse, one.cov)))
+    each = [np.concatenate(a) for a in zip(*found, strict=True)]
+    return Impulses(*each) if each and len(each[0]) else None
 
 
 def farthest(pieces: Sequence[Estimate]) -> Witness | None:

@@ -1,6 +1,7 @@
 """Very long recordings, a stretch at a time: what comes out is what the whole says, without seams."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,9 +9,10 @@ import pytest
 from forceid import __version__
 from forceid.config import load_settings
 from forceid.estimation.long import windows as stretches
+from forceid.estimation.long.joined import between_edges
 from forceid.estimation.long.windows import estimate_of_any_length
 from forceid.estimation.run import estimate_recording
-from forceid.records import Body, Motion, Recording
+from forceid.records import Body, Impulses, Motion, Recording
 
 
 @pytest.fixture(autouse=True)
@@ -141,3 +143,19 @@ def test_forces_on_modes_that_the_file_names_go_through_all_stretches():
     assert found.modal is not None
     assert found.modal.force.shape == (400, 1)
     assert np.isfinite(found.modal.force).all()
+
+
+def test_impulses_are_those_between_edges_that_a_stretch_shows_each_once():
+    def stretch(first, last, edges):
+        edges = np.array(edges, float)
+        count = len(edges) - 1
+        found = Impulses(edges[:-1], edges[1:], np.arange(6 * count).reshape(-1, 6), np.zeros((count, 6, 6)))
+        return SimpleNamespace(time=np.arange(first, last), impulses=found)
+
+    parts = [stretch(0, 100, [0, 40, 90, 110, 150]), stretch(100, 200, [50, 90, 110, 250]),
+             SimpleNamespace(time=np.arange(200, 300), impulses=None),
+             stretch(300, 400, [250, 320, 400])]  # fmt: skip
+    found = between_edges(parts)
+    assert found.start.tolist() == [0, 40, 90, 320]
+    assert found.stop.tolist() == [40, 90, 110, 400]
+    assert between_edges(parts[2:3]) is None
