@@ -27,13 +27,8 @@ from forceid.records import (
 from forceid.timing import in_order
 
 NUMBERS = ("tuned", "ladder", "leakage", "sensitivity")
-RECORDS = (
-    "loads",
-    "witness",
-    "flown",
-    "aero",
-    "modal",
-)  # records in an estimate that have samples of their own
+# records with samples of their own
+RECORDS = ("loads", "witness", "flown", "aero", "modal", "feet")
 STANDING = ("null_space", "estimable")  # what is true of loads whatever a stretch shows
 
 

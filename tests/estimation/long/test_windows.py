@@ -1,18 +1,18 @@
 """Very long recordings, a stretch at a time: what comes out is what the whole says, without seams."""
 
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from forceid import __version__
+from forceid import __version__, records
 from forceid.config import load_settings
 from forceid.estimation.long import windows as stretches
-from forceid.estimation.long.joined import between_edges
+from forceid.estimation.long.joined import RECORDS, between_edges
 from forceid.estimation.long.windows import estimate_of_any_length
 from forceid.estimation.run import estimate_recording
-from forceid.records import Body, Impulses, Motion, Recording
+from forceid.records import Body, Estimate, Impulses, Motion, Recording
 
 
 @pytest.fixture(autouse=True)
@@ -159,3 +159,16 @@ def test_impulses_are_those_between_edges_that_a_stretch_shows_each_once():
     assert found.start.tolist() == [0, 40, 90, 320]
     assert found.stop.tolist() == [40, 90, 110, 400]
     assert between_edges(parts[2:3]) is None
+
+
+def test_every_record_of_an_estimate_is_joined():
+    whole = {
+        "verdict",
+        "hidden",
+        "impulses",
+        "interface",
+    }  # joined in ways of their own; of bodies that go at once
+    kinds = {
+        f.name for f in fields(Estimate) if is_dataclass(getattr(records, str(f.type).split(" ")[0], None))
+    }
+    assert kinds == whole | {*RECORDS}
