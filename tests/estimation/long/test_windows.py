@@ -167,7 +167,7 @@ def test_every_record_of_an_estimate_is_joined():
         "hidden",
         "impulses",
         "interface",
-    }  # joined in ways of their own; of bodies that go at once
+    }  # joined in ways of their own, or of bodies that go at once
     kinds = {
         f.name for f in fields(Estimate) if is_dataclass(getattr(records, str(f.type).split(" ")[0], None))
     }
