@@ -54,7 +54,7 @@ def joined_windows(pieces: Sequence[Estimate]) -> Estimate:
     known = [p for p in pieces if p.engine != "none"] or list(pieces)
     if loads := next((p.loads for p in pieces if p.loads is not None), None):
         pieces = [p if p.loads else replace(p, loads=emptied(loads, len(p.time))) for p in pieces]
-    if not alike([p.modal for p in pieces]):
+    if not same_modes([p.modal for p in pieces]):
         pieces = [replace(p, modal=None) for p in pieces]
     whole: Estimate = chained(pieces)
     seen = np.isfinite(whole.innovation).any()
@@ -79,7 +79,7 @@ def joined_windows(pieces: Sequence[Estimate]) -> Estimate:
     )
 
 
-def alike(modes: Sequence[ModalForces | None]) -> bool:
+def same_modes(modes: Sequence[ModalForces | None]) -> bool:
     """Whether all stretches show the same modes, each about a mean shape of its own."""
     known = [one.shape for one in modes if one is not None]
     if len(known) < len(modes) or len({one.shape for one in known}) > 1:

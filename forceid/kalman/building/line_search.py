@@ -28,7 +28,7 @@ DECAYS, DRIFTS = (2.0, 6.0, 20.0), (0.1, 1.0, 10.0)  # the same of one that ring
 AT_ONCE = 4  # lines that one look takes up, the tallest ones
 ALONG = tuple(s for n in (1, 2, 3) for s in combinations(range(3), n))  # axes that a line may lie along
 CYCLES_BESIDE = 16  # cycles a record, to either side, over which the level about a line is taken
-SIX = 6  # amplitudes of a root: cosine and sine along each axis
+AMPLITUDES = 6  # amplitudes of a root: cosine and sine along each axis
 ROOM = 40_000_000  # numbers held at a time, 320 MB
 
 
@@ -258,7 +258,8 @@ def find_line(
         white *= 1 / np.sqrt(level)[:, None]
         white = white.reshape(v.size, -1)
         each = (
-            white[:, own : own + SIX].T @ white[:, own : own + SIX] for own in range(0, white.shape[1], SIX)
+            white[:, own : own + AMPLITUDES].T @ white[:, own : own + AMPLITUDES]
+            for own in range(0, white.shape[1], AMPLITUDES)
         )
         information = np.reshape([*each], (-1, 3, 2, 3, 2))
         vector = ((v / np.sqrt(level)).ravel() @ white).reshape(-1, 3, 2)
