@@ -88,6 +88,7 @@ wheel:
 	$(BIN)/python $(INSTALL) $$(grep -E '^(packaging|pybind11|setuptools|setuptools-scm|vcs-versioning)==' requirements.txt)
 	$(BIN)/python $(INSTALL) --no-deps --no-build-isolation --editable . --editable evidence & \
 	  $(BIN)/python $(INSTALL) -r requirements.txt && wait $$!
+	$(BIN)/python -m compileall -q forceid evidence
 	touch $@
 
 .venv/test-ready: requirements-test.txt .venv/ready

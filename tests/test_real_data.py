@@ -73,6 +73,7 @@ def test_squats_against_the_plates():
     assert estimate.verdict.level == "degraded"  # tracks smoothed at the source, and it says so
 
 
+@pytest.mark.long
 @LONG
 @pytest.mark.parametrize("trial", ["squats1", "DJ1", "DJ2", "DJ3"])
 def test_mass_and_height_alone_find_the_vertical_force_as_well_as_a_table_by_hand(trial):
@@ -94,6 +95,7 @@ def test_mass_and_height_alone_find_the_vertical_force_as_well_as_a_table_by_han
     assert found <= 1.1 * reference
 
 
+@pytest.mark.long
 @LONG
 @pytest.mark.parametrize(("known", "other"), [("1", "2"), ("2", "1")])
 def test_beside_one_foot_on_a_known_plate_the_other_foot_is_found(known, other):
@@ -133,6 +135,7 @@ def with_gaps(recording, seed):
     return replace(recording, motion=replace(recording.motion, position=x))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("trial", "stated", "gaps"),
     [

@@ -81,6 +81,7 @@ def scores(found, truth, inner=slice(20, -20)):
     return out
 
 
+@pytest.mark.long
 def test_thrust_is_told_on_what_is_left_of_the_mass(tmp_path):
     recording = flown()
     burning = replace(recording, motion=replace(recording.motion, current_mass=mass(recording.motion.time)))

@@ -75,6 +75,7 @@ def test_constants_of_one_flight_are_right_within_their_claims(seed, law):
     assert found.noise_std == pytest.approx(3e-4, rel=0.05)
 
 
+@pytest.mark.long
 def test_settings_of_what_was_found_are_those_of_the_material(tmp_path, capsys):
     path, out = tmp_path / "flight.h5", tmp_path / "material.toml"
     (tmp_path / "law.toml").write_text('[material]\nname = "neo_hookean"\na = 1.0\nc = 1.0\nvolume = 0.01\n')
@@ -99,6 +100,7 @@ def test_a_body_that_hardly_deforms_tells_no_material(tmp_path):
     assert not out.exists()
 
 
+@pytest.mark.long
 def test_first_moments_that_are_applied_do_not_pass_for_the_material():
     tones = np.random.default_rng(5).standard_normal((3, 3))
     pushed = flight(6, push=lambda t: 0.2 * tones * np.sin(9 * t), samples=80)
@@ -125,6 +127,7 @@ def test_markers_in_a_plane_and_laws_without_lame_constants_are_one_line(tmp_pat
         assert line.count("\n") == 1
 
 
+@pytest.mark.long
 def test_modes_of_a_frame_of_springs_have_frequency_and_damping_within_their_claims(tmp_path, capsys):
     rng = np.random.default_rng(9)
     X = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), -1).reshape(-1, 3) * [0.2, 0.15, 0.1] + 0.02 * rng.random(

@@ -32,6 +32,7 @@ def flown(nodes, frames, seed, marked=None):
     return Recording(body, Motion(time, x, gravity=np.zeros(3), noise_std={"position": NOISE}))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("marked", [None, 20])
 def test_memory_grows_as_the_number_of_nodes_and_not_as_its_square(marked):
     peak = {}

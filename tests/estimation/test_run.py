@@ -172,6 +172,7 @@ def test_body_known_as_a_whole_may_have_its_mass_center_off_the_markers(estimate
     assert max(scores(result, recording)) < 3
 
 
+@pytest.mark.long
 def test_gauges_agree_on_the_wrench_and_not_on_the_orientation(estimated):
     mass = np.array([0.06, 0.02, 0.04, 0.01, 0.03, 0.04])
     recording = cf.waved(cf.toss(body=cf.star(mass=mass)))
@@ -244,6 +245,7 @@ def test_irregular_clock_changes_nothing_but_the_sampling(estimated, method):
     assert max(scores(result, recording)) < 3
 
 
+@pytest.mark.long
 def test_spin_near_half_a_turn_a_frame_is_followed_and_said(estimated):
     recording = cf.toss(cf.clock(80, 30.0), spin=(80.0, 0.0))  # 153 degrees a frame
     result = estimated(recording)

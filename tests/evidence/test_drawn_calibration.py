@@ -41,7 +41,7 @@ def test_a_record_is_that_of_its_seed_and_number():
     assert one.drawn not in (other.drawn, number.drawn)
 
 
-@pytest.mark.parametrize("soft", [False, True])
+@pytest.mark.parametrize("soft", [False, pytest.param(True, marks=pytest.mark.long)])
 @pytest.mark.parametrize("load", LOADS)
 def test_momenta_change_as_force_and_moment_say(monkeypatch, load, soft):
     case = of_kind(monkeypatch, load=load, soft=soft, place="anywhere", markers=7, weight=True)
@@ -64,6 +64,7 @@ def test_momenta_change_as_force_and_moment_say(monkeypatch, load, soft):
         assert np.abs(off).max() < 2.5e-3 * np.abs(gave).max() + 1e-6 * size
 
 
+@pytest.mark.long
 def test_of_a_load_that_jumps_the_truth_is_the_mean_over_a_sample(monkeypatch):
     monkeypatch.setattr(distributions, "BESIDE", 0.0)  # nothing smooth acts beside the jumps
     case = of_kind(monkeypatch, load="steps", soft=False, place="anywhere", markers=7, weight=True)
@@ -112,6 +113,7 @@ def test_the_page_counts_a_made_up_silent_record_once_with_an_exact_interval():
     assert "| `wild` | 1 | 1 | 1 |" in text
 
 
+@pytest.mark.long
 def test_stated_noise_is_the_deviation_of_the_readings(monkeypatch):
     for error in ("white", "colored", "low-passed", "shared"):
         case = of_kind(

@@ -284,6 +284,7 @@ def test_about_half_a_turn_a_frame_a_gyro_at_the_rate_of_the_markers_keeps_the_s
     assert low < nees.sum() < high
 
 
+@pytest.mark.long
 def test_without_markers_force_and_moment_are_right_as_claimed_and_so_is_the_drift_of_position():
     """The pose of the first sample is given, as where a body is let go; none after it is seen."""
     rng, nees, gone = np.random.default_rng(9), [], []

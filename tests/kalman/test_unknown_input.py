@@ -204,6 +204,7 @@ def printed(number, like):
     return f"{number:.{digits}g}"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("ambient", "causal", "smooth"), [(0, "0.580838", "0.068295"), (1, "16.5372", "2.10433")]
 )

@@ -38,6 +38,7 @@ def thrown():
     return drawn, flown(drawn)
 
 
+@pytest.mark.long
 def test_a_ball_gives_back_its_drag_and_its_magnus_force(thrown):
     drawn, found = thrown
     law = fit_flights([("ball", found)], LawSetting(law=BALL), "law")
@@ -47,6 +48,7 @@ def test_a_ball_gives_back_its_drag_and_its_magnus_force(thrown):
     assert law.replays[0].misfit == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.long
 def test_terms_stay_that_are_to_be_kept_or_where_none_are_chosen(thrown):
     setting = LawSetting(law=BALL, keep=("side",))
     assert "side.1" in fit_flights([("ball", thrown[1])], setting, "law").name

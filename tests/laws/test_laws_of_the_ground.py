@@ -52,12 +52,14 @@ def test_a_block_gives_back_the_stiffness_and_damping_of_its_mounts(block):
     assert law.replays[0].misfit == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.long
 def test_terms_of_a_contact_that_are_not_there_are_left_out(block):
     drawn, estimate = block
     law = found(estimate, drawn, {"contact": ["depth", "depth_rate", "depth^2"]})
     assert set(law.name) == set(drawn.true)
 
 
+@pytest.mark.long
 def test_a_law_of_the_ground_goes_through_the_command_line_into_toml_and_hdf5(block, tmp_path, monkeypatch):
     drawn, _ = block
     monkeypatch.chdir(tmp_path)
@@ -95,7 +97,7 @@ def test_a_ball_that_ends_up_rolling_gives_back_friction_and_resistance_on_a_har
     assert (np.abs(law.value - [drawn.true[n] for n in law.name]) < 4 * law.std).all()
 
 
-@pytest.mark.parametrize("rolls", [False, True])
+@pytest.mark.parametrize("rolls", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_a_motion_on_the_ground_is_that_of_another_integrator_and_comes_nearer_with_the_square_of_the_step(
     rolls,
 ):
@@ -124,6 +126,7 @@ def test_a_motion_on_the_ground_is_that_of_another_integrator_and_comes_nearer_w
     assert off[2] < off[0] / 4
 
 
+@pytest.mark.long
 def test_a_ball_slides_and_then_rolls_as_closed_forms_say():
     m, r, mu, c = 0.3, 0.05, 0.2, 0.01
     J, v0, h = 0.4 * m * r**2, 3.0, 1e-3

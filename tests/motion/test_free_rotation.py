@@ -95,6 +95,7 @@ def test_the_first_moment_of_a_free_body_grows_evenly_however_far_it_turns():
     np.testing.assert_allclose(channel.z, time[:, None] * H, atol=1e-4 * np.linalg.norm(H) * time[-1])
 
 
+@pytest.mark.long
 def test_the_noise_of_the_first_moment_is_what_its_covariances_say():
     rng, (time, R, H) = np.random.default_rng(3), flying(0.6, count=25)
     C, ends = np.tile(1e-6 * np.eye(3), (len(R), 1, 1)), []

@@ -227,6 +227,7 @@ def test_a_body_stretched_to_a_third_turns_as_its_gauge_says(engine, monkeypatch
     assert np.abs(found.center - 5.0).max() < 1e-6
 
 
+@pytest.mark.long
 def test_a_frame_that_no_pose_meets_has_the_nearest_and_claims_what_is_left():
     """Three markers and three shapes: of forty bodies, the frames where Newton's steps come to no end."""
     off, met = [], []

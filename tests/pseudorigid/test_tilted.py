@@ -8,7 +8,10 @@ LIQUID = Body(1.0, SelfGravity(), incompressible=True)
 AXES = {"I": (1.0, 1.25, 0.4703), "II": (0.8, 2.67, 0.33), "III": (0.8, 2.67, 0.33)}
 
 
-@pytest.mark.parametrize(("kind", "step"), [("I", 0.25), ("II", 0.12), ("III", 0.2)])
+LONG = [pytest.param(kind, step, marks=pytest.mark.long) for kind, step in (("II", 0.12), ("III", 0.2))]
+
+
+@pytest.mark.parametrize(("kind", "step"), [("I", 0.25), *LONG])
 def test_tilted_ellipsoid_stays_steady_over_turns_of_the_master_system(kind, step):
     pair = [e for e in riemann_tilted(*AXES[kind]) if e.kind == kind]
     assert len(pair) == 2

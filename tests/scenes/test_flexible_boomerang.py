@@ -51,6 +51,7 @@ def truth(throw):
     return deforming_truth(MASS, rest_shape(), x, v, aerodynamic_load(Parameters(), time, x, v))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("instant", TABLE)
 def test_truth_agrees_with_the_published_table_to_its_printed_digits(throw, truth, instant):
     i = int(np.flatnonzero(throw[0] == instant)[0])
@@ -58,12 +59,14 @@ def test_truth_agrees_with_the_published_table_to_its_printed_digits(throw, trut
         np.testing.assert_allclose(truth[name][i], printed, rtol=5e-7, atol=1e-15, err_msg=name)
 
 
+@pytest.mark.long
 def test_rms_of_force_and_moment_agree_with_the_published_values(truth):
     rms_force, rms_moment = (np.sqrt((truth[name] ** 2).mean(0)) for name in ("force", "moment"))
     np.testing.assert_allclose(rms_force, (1.296, 2.354, 0.9033), rtol=5e-4)
     np.testing.assert_allclose(rms_moment, (0.1393, 0.08903, 0.08218), rtol=5e-4)
 
 
+@pytest.mark.long
 def test_deformation_about_the_mean_shape_is_half_a_millimeter_rms(truth):
     rms = np.sqrt((truth["deformation"] ** 2).sum(-1).mean())
     assert rms == pytest.approx(0.529e-3, rel=0.005)
@@ -80,6 +83,7 @@ def test_sixty_three_springs_leave_six_rigid_modes_and_the_published_frequencies
     assert hertz[-1] == pytest.approx(1003.92, abs=0.005)
 
 
+@pytest.mark.long
 def test_rate_of_momenta_is_the_applied_wrench(throw, truth, differentiate):
     step = throw[0][1]
     force = differentiate(MASS.sum() * truth["velocity"], step) - MASS.sum() * GRAVITY
@@ -88,6 +92,7 @@ def test_rate_of_momenta_is_the_applied_wrench(throw, truth, differentiate):
     assert np.abs(moment - truth["moment"][4:-4]).max() < 1e-6
 
 
+@pytest.mark.long
 def test_impulse_of_force_and_moment_is_the_change_of_momenta(throw, truth):
     impulse = simpson(truth["force"] + MASS.sum() * GRAVITY, x=throw[0], axis=0)
     twist = simpson(truth["moment"], x=throw[0], axis=0)
@@ -95,6 +100,7 @@ def test_impulse_of_force_and_moment_is_the_change_of_momenta(throw, truth):
     np.testing.assert_allclose(twist, np.subtract(*truth["angular_momentum"][[-1, 0]]), atol=1e-9)
 
 
+@pytest.mark.long
 def test_angular_velocity_is_the_rate_of_the_orientation(throw, truth, differentiate):
     R = Rotation.from_quat(truth["orientation"]).as_matrix()
     spin = differentiate(R, throw[0][1]) @ R[4:-4].mT

@@ -33,6 +33,7 @@ def stacked(states, name):
     return np.array([getattr(state, name) for state in states])
 
 
+@pytest.mark.long
 def test_momenta_of_every_block_change_as_its_joints_push_and_say(flown, differentiate):
     states, flight = flown
     chain, truth, inner = chain_constants(CHAIN), flight.truth, slice(4, -4)
@@ -50,6 +51,7 @@ def test_momenta_of_every_block_change_as_its_joints_push_and_say(flown, differe
     assert np.abs(differentiate(H, 1 / RATE) - moment[inner]).max() < 1e-8 * np.abs(moment).max()
 
 
+@pytest.mark.long
 def test_blocks_stay_together_at_their_joints_and_turn_only_as_a_hinge_does(flown):
     states, flight = flown
     chain = chain_constants(CHAIN)
@@ -64,6 +66,7 @@ def test_blocks_stay_together_at_their_joints_and_turn_only_as_a_hinge_does(flow
     assert np.abs((R[:, 1] - R[:, 0]) @ chain.axis[0]).max() > 1e-3  # a ball lets it go
 
 
+@pytest.mark.long
 def test_a_hinge_passes_no_moment_about_its_axis_but_that_of_spring_damper_and_motor(flown):
     states, flight = flown
     chain = chain_constants(CHAIN)
@@ -77,6 +80,7 @@ def test_a_hinge_passes_no_moment_about_its_axis_but_that_of_spring_damper_and_m
     assert np.abs(about).max() > 0.01
 
 
+@pytest.mark.long
 def test_no_energy_is_lost_without_dampers():
     free = CHAIN.model_copy(update={"damping": (0.0, 0.0), "push": 0.0, "drive": 0.0})
     total = [chain_energy(chain_constants(free), state) for state in chain_states(free, TIME)]
@@ -105,6 +109,7 @@ def test_push_and_motor_are_of_the_stated_size():
     np.testing.assert_allclose(np.std(found, axis=0), [2.0, 2.0, 2.0, 0.3], rtol=0.1)
 
 
+@pytest.mark.long
 def test_nodes_lie_on_the_corners_with_the_mass_of_their_block(flown):
     _, flight = flown
     assert flight.body.node[:2] + flight.body.node[-1:] == ("a1", "a2", "c8")

@@ -131,6 +131,7 @@ def test_free_flight_shows_no_first_moment():
     assert np.abs(found.F - F)[INNER].max() < 1e-3
 
 
+@pytest.mark.long
 def test_rigid_rotation_shows_its_centripetal_tensor():
     w, amplitude = 2 * np.pi * 3.0, 0.4
     angle = 6.0 * TIME + amplitude * np.sin(w * TIME)
@@ -163,6 +164,7 @@ def test_stretch_is_that_of_the_map_from_the_reference(stored, result):
     assert np.sqrt(np.mean(off**2)) < 0.01  # of one frame: noise of 2 sigma / size
 
 
+@pytest.mark.long
 def test_flat_body_has_all_nine_first_moments_and_its_stretch_across_is_open():
     F, ddF = swinging()
     found = estimated(filmed(FLAT, F))
@@ -185,6 +187,7 @@ def test_markers_in_a_plane_of_a_body_with_breadth_leave_its_first_moments_open(
     assert "first-moments-open" in found.verdict.codes
 
 
+@pytest.mark.long
 def test_mass_center_off_the_plane_of_the_markers_leaves_the_force_open():
     F, _ = swinging()
     found = estimated(filmed(told_whole(THICK, PLATE + np.array([0.0, 0.0, 0.05])), F))
@@ -200,6 +203,7 @@ def test_markers_in_space_on_a_flat_body_show_all_nine():
     assert "stretch-without-breadth" in found.verdict.codes
 
 
+@pytest.mark.long
 def test_lost_markers_leave_a_plate_its_first_moments():
     F, ddF = swinging()
     recording = filmed(FLAT, F)

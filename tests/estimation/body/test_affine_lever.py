@@ -65,6 +65,7 @@ def test_few_markers_on_one_face_leave_no_force_open_that_a_rigid_fit_tells(mark
     assert np.median(ratio) < 1.2
 
 
+@pytest.mark.long
 def test_poses_that_allow_for_deformation_show_no_noise_below_the_stated():
     """Four markers hardly tell three modes from the pose: rigid, the force is 30 N off."""
     recording = plate_flight(100, 4, "modes")

@@ -64,6 +64,7 @@ def test_six_shapes_have_the_momenta_of_masses_that_move_as_markers_do_about_wha
     np.testing.assert_allclose(by_shape @ by_shape.T, expected, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.long
 def test_shapes_of_hidden_mass_have_no_momentum_and_move_markers_as_one():
     hidden = hidden_of(recorded(1, "masses"))
     rigid, flat = summation_operator(hidden.shape), hidden.shapes.reshape(len(hidden.shapes), -1)
@@ -75,6 +76,7 @@ def test_shapes_of_hidden_mass_have_no_momentum_and_move_markers_as_one():
     np.testing.assert_allclose(tilt[0], hidden.leak[3:].T)
 
 
+@pytest.mark.long
 def test_a_body_known_as_a_whole_has_four_masses_that_make_it():
     recording = recorded(2, "whole")
     hidden = hidden_of(recording)

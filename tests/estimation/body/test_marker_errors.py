@@ -53,6 +53,7 @@ def test_variances_that_are_alike_are_so_within_their_deviation(samples, numbers
     assert np.std(found) == pytest.approx(1.0, abs=0.25)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("louder", [0.0, 0.2, 0.5])
 def test_errors_are_alike_where_some_markers_are_twice_as_noisy_and_a_small_motion_is_no_error(louder):
     """A fifth of the size of the errors in one of 24 numbers, at a few frequencies."""
@@ -160,6 +161,7 @@ def test_tracks_low_passed_at_the_source_are_estimated_as_well_as_raw_ones(cut):
     assert 0.5 < np.sqrt(np.mean(over)) < 1.5
 
 
+@pytest.mark.long
 def test_an_oscillation_of_low_passed_tracks_that_may_be_a_mirror_image_is_not_called_ok():
     """Frames that tell anything new come at 87 Hz here, so 45 Hz look like 42 Hz in them."""
     step, mass, J, rng = 1 / 260, 0.6, np.diag([2e-3, 3e-3, 4e-3]), np.random.default_rng(21)

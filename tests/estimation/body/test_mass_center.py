@@ -91,6 +91,7 @@ def test_the_force_of_a_swinging_body_with_lost_markers_is_within_its_claim():
     assert 0.7 < ratio < 1.3
 
 
+@pytest.mark.long
 def test_markers_off_the_mass_center_of_an_affine_body_bias_no_force():
     """Known by total mass and inertia, markers 47 mm off: a free flight shows no force."""
     rng = np.random.default_rng(5)

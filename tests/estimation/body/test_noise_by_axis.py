@@ -84,6 +84,7 @@ def bending(seed, sigma):
     return Recording(Body(tuple("abcdef"), X, mode_shape=shapes, **whole), Motion(time, x))
 
 
+@pytest.mark.long
 def test_noise_of_a_body_that_bends_is_found_where_no_shape_moves_it():
     """High-order differences of its markers hold the bending, and how smooth its pose is says nothing."""
     sigma = 3e-4
@@ -116,6 +117,7 @@ def test_equal_noise_through_a_fit_is_its_covariance():
     np.testing.assert_allclose(through_fit(gain, turned[None], np.eye(3))[0], expected, atol=1e-12)
 
 
+@pytest.mark.long
 def test_a_planar_record_is_not_said_to_share_errors_nor_to_stick():
     """A rigid body that turns in the plane; heights are constant, and the noise of the others is stated."""
     rng = np.random.default_rng(6)

@@ -79,6 +79,7 @@ def score(found, inner=slice(30, -30)):
     )
 
 
+@pytest.mark.long
 def test_what_spins_a_rotor_up_is_no_moment_from_outside():
     recording, s = flown()
     found = estimate_recording(with_speeds(recording, s), load_settings(model="rigid", body_std=EXACT))
@@ -105,6 +106,7 @@ def test_gaps_of_a_speed_and_other_methods_and_models_take_rotors():
         assert score(found)[1] < 0.6, settings
 
 
+@pytest.mark.long
 def test_rotors_of_constant_speed_are_their_momentum():
     recording, s = flown(varying=False)
     rotors = [

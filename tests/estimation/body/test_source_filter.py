@@ -102,6 +102,7 @@ def test_tracks_are_as_before_the_filter_nearly_up_to_their_ends(order):
     assert np.abs(filtered - recording.motion.position)[16:-16].max() > 3 * NOISE
 
 
+@pytest.mark.long
 def test_a_moment_that_swings_is_as_large_as_before_the_filter():
     rng = np.random.default_rng(2)
     recording, moment = swinging(rng)

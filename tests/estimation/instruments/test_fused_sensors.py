@@ -210,6 +210,7 @@ def spinning(share, duration=0.375):
     return simulate(recipe)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("share", [0.9, 0.97])
 def test_just_below_half_a_turn_a_frame_thirty_frames_of_markers_alone_are_right(share):
     recording = bare(spinning(share))

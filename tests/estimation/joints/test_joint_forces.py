@@ -210,6 +210,7 @@ def exact():
     return parameters, seen(parameters, 0, noise=0.0, time=TIME[:80])
 
 
+@pytest.mark.long
 def test_exact_motion_shows_joint_forces_all_but_exactly(exact):
     parameters, recording = exact
     found = joint_forces(recording, jointed(parameters), estimate_whole)
@@ -220,6 +221,7 @@ def test_exact_motion_shows_joint_forces_all_but_exactly(exact):
     assert np.abs(found.gap).max() < 1e-5
 
 
+@pytest.mark.long
 def test_a_ball_passes_no_moment_and_a_hinge_none_about_its_axis():
     parameters = chain(1, 3, drive=0.0, stiffness=(0.0, 0.0), damping=(0.0, 0.0))
     recording = seen(parameters, 1)
@@ -415,6 +417,7 @@ def test_the_whole_body_stays_as_it_is_and_the_file_holds_the_joints(tmp_path):
     assert joints.attrs["moment_about"] == "the point of the joint"
 
 
+@pytest.mark.long
 def test_the_command_says_what_passes_through_the_hinge(tmp_path, capsys):
     data, config = ROOT / "data/synthetic/two_blocks.h5", ROOT / "config/two_blocks.toml"
     out = tmp_path / "out.h5"

@@ -39,6 +39,7 @@ def linked():
     return LinkedFlight(linked_parts(solutions), loads, tied, np.zeros((40, 2))), linkage
 
 
+@pytest.mark.long
 def test_a_joint_load_gives_both_parts_opposite_momentum_and_no_spin_to_the_whole(linked):
     flight, linkage = linked
     whole = linked_model(flight, Bending(np.zeros(0), 1.0), slice(0, 40))
@@ -59,6 +60,7 @@ def test_a_joint_load_gives_both_parts_opposite_momentum_and_no_spin_to_the_whol
     np.testing.assert_allclose(read[:, :3] + read[:, 6:9], 0.0, atol=1e-12)
 
 
+@pytest.mark.long
 def test_loads_of_a_link_may_differ_in_order_and_what_accelerations_tell_is_not_tuned(linked):
     flight, linkage = linked
     estimates = [
@@ -135,6 +137,7 @@ def test_forces_between_parts_that_ring_are_within_their_claims(model):
     assert max(scores) < 3.0
 
 
+@pytest.mark.long
 def test_a_part_has_the_stiffness_and_the_modes_that_are_its_alone():
     recording = soft_pair(336, stiff=True)
     shape = np.zeros((3, 2 * nets.MASSES, 3))

@@ -55,6 +55,7 @@ def told(*joints, external=(), blocks=2):
 AXIS = {"axis": (0.0, 0.0, 1.0)}
 
 
+@pytest.mark.long
 def test_a_tree_is_told_and_the_balances_beyond_it_are_counted():
     settings = told(
         joint("j", "a", "b", SIZE, "hinge", **AXIS), joint("k", "b", "c", 2 * SIZE, "ball"), blocks=3
@@ -70,6 +71,7 @@ def test_a_tree_is_told_and_the_balances_beyond_it_are_counted():
     assert found.spare == joint_forces(recording, settings, estimate_whole).dof
 
 
+@pytest.mark.long
 def test_a_loop_of_welds_hides_its_joints_and_the_sentence_is_that_of_the_verdict():
     settings = told(
         joint("j", "a", "b", SIZE),
@@ -100,6 +102,7 @@ def test_what_is_open_is_named_in_the_axes_of_the_part():
     assert found.told == 10 - 5
 
 
+@pytest.mark.long
 def test_loads_from_outside_on_every_part_leave_the_joint_open():
     found = inspect_linkage(row(2), told(joint("j", "a", "b", SIZE), external="ab"))
     assert (found.loops, found.resultants, found.told, found.spare) == (0, 18, 12, 0)
@@ -109,6 +112,7 @@ def test_loads_from_outside_on_every_part_leave_the_joint_open():
     assert (one.told, one.joint[0].told, one.warnings) == (12, 6, ())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("noise", [0.0, 3e-4], ids=["exact", "noisy"])
 def test_noise_that_alone_opens_a_loop_counts_as_none(noise):
     """A plane linkage of three hinges and a ball: a force across the plane goes round, whatever the noise."""

@@ -60,6 +60,7 @@ def test_motion_and_momentum_are_those_of_all_loads():
     assert np.sqrt(np.mean(apart**2)) < 0.02 * np.sqrt(np.mean(whole.angular_momentum**2))
 
 
+@pytest.mark.long
 def test_a_constant_known_force_is_as_much_gravity():
     recording, _, _, _ = flown(35)
     recording = replace(recording, known_loads=None)
@@ -77,6 +78,7 @@ def test_a_constant_known_force_is_as_much_gravity():
     )
 
 
+@pytest.mark.long
 def test_what_is_not_known_of_a_known_load_is_claimed_of_the_others():
     recording, _, _, _ = flown(36)
     recording, known = replace(recording, known_loads=None), {"name": "a", "force": (1.0, 0, 0)}
@@ -128,6 +130,7 @@ def told(**changed):
     return str(error.value)
 
 
+@pytest.mark.long
 def test_a_covariance_that_is_none_is_refused():
     known = flown(39)[0].known_loads
     said = told(wrench_cov=np.broadcast_to(-np.eye(6), (len(known.time), 1, 6, 6)))

@@ -47,6 +47,7 @@ def test_the_force_is_the_true_one_within_what_is_claimed():
     assert rms(error) < 0.05 * rms(error * 0 + 0.5)
 
 
+@pytest.mark.long
 def test_a_longer_lag_errs_less():
     t, x = frames(800)
     errors = [rms(off(followed(t, x, lag=lag)[100:-60])[0]) for lag in (0.01, 0.05, 0.2)]
@@ -60,6 +61,7 @@ def test_the_same_frames_make_the_same_wrenches_tuned_anew_or_not():
     assert all((a.force == b.force).all() for a, b in zip(one, other, strict=True))
 
 
+@pytest.mark.long
 def test_it_is_tuned_anew_as_it_goes_and_says_so(monkeypatch):
     monkeypatch.setattr(stream, "TUNING_TIME", 0.5)
     monkeypatch.setattr(stream, "MOST_FRAMES", 256)

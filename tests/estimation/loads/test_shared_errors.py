@@ -56,6 +56,7 @@ def test_independent_errors_of_markers_are_shared_by_none():
     assert [shared_errors(channel(seed, 0.0, 1.0), engine("auto")) for seed in range(8)] == [None] * 8
 
 
+@pytest.mark.long
 def test_a_short_record_shows_them_too_and_shows_none_that_are_not():
     found = [shared_errors(channel(seed, 8e-4, 60.0, 140), engine("auto")) for seed in range(8)]
     none = [shared_errors(channel(seed, 0.0, 60.0, 140), engine("auto")) for seed in range(8)]

@@ -141,6 +141,7 @@ def test_stated_noise_of_the_four_markers_is_what_they_have(tmp_path):
     assert np.mean(errors) == pytest.approx(1.0, rel=0.02)
 
 
+@pytest.mark.long
 def test_force_by_blocks_is_that_of_the_whole_within_its_claim(tmp_path, monkeypatch):
     path, settings = written(tmp_path / "a.h5", throw(gaps=False)), load_settings(model="rigid")
     whole = estimate_recording(read_motion(path), settings)

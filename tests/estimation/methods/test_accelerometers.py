@@ -149,6 +149,7 @@ def test_nine_accelerometers_give_the_wrench_and_the_interface_force_of_a_panel_
     assert ((over > 0.8) & (over < 1.3)).all(), over
 
 
+@pytest.mark.long
 def test_forces_on_modes_come_out_from_half_their_frequency_on_and_are_within_claims_below():
     recording, truth = shaken_panel(4)
     modal = estimate_recording(recording, load_settings()).modal
@@ -236,6 +237,7 @@ def test_what_too_few_accelerometers_do_not_tell_is_left_out_and_its_neighbors_a
     assert np.isnan(found.moment).all()
 
 
+@pytest.mark.long
 def test_a_panel_whose_modes_are_not_told_and_a_sensor_out_of_place_are_said():
     recording, _ = shaken_panel(2, duration=0.2)
     body = recording.body

@@ -115,6 +115,7 @@ def test_engine_is_not_used(method):
     assert a.engine == b.engine == "scipy"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ROUTES)
 @pytest.mark.parametrize("late", [0.3, 0.9])
 def test_frames_that_come_late_by_more_than_markers_show_are_in_the_claim(method, late):

@@ -59,6 +59,7 @@ def test_the_flight_of_a_slender_body_comes_to_rest_and_errs_as_claimed(seed):
         assert np.sqrt(np.mean(off**2) / np.mean(std**2)) < 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_the_path_of_a_slender_body_is_known_far_better_than_a_frame_tells(seed):
     recording, _ = tumbling_rod(seed, np.zeros(3))

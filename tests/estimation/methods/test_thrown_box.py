@@ -59,6 +59,7 @@ def test_the_path_of_a_thrown_box_comes_to_rest_under_any_prior_with_biases_unkn
     assert "add a gyro" not in " ".join(unsettled(flight))
 
 
+@pytest.mark.long
 def test_a_load_that_turns_with_a_box_is_told_where_that_turns_by_radians_between_samples(tmp_path):
     thrown, path = thrown_box(*BODY_25, tmp_path)
     step = np.diff(thrown.time)
@@ -70,6 +71,7 @@ def test_a_load_that_turns_with_a_box_is_told_where_that_turns_by_radians_betwee
     assert "turn-not-resolved" not in found.verdict.codes
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("error")
 def test_a_gyro_alone_tells_the_moment_and_says_that_no_force_is_told(tmp_path):
     _, path = thrown_box(*BODY_17, tmp_path)

@@ -119,6 +119,7 @@ def test_smaller_level_claims_an_error_that_allows_for_its_distance():
     assert "but would move force and moment by only" in choice.sentence
 
 
+@pytest.mark.long
 def test_strains_that_explain_a_body_are_not_traded_for_shapes_found_in_its_record():
     (choice, _), solved = climbed(scene("affine", 1e-3, 0))
     assert choice.model == "affine"
@@ -289,6 +290,7 @@ def test_strains_are_not_taken_for_noise_that_nobody_stated_raw_or_low_passed(cu
         assert cf.rms(off[edge:-edge]) < 1.5 * cf.rms(std[edge:-edge])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("color", ["white", "low-passed", "remembers"])
 def test_fewest_shapes_that_leave_errors_alike_are_found_whatever_their_color(color):
     """Five numbers swing beside errors that are alike in all twelve, of 12 draws."""

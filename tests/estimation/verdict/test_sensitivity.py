@@ -135,6 +135,7 @@ def test_wrong_mass_of_a_whole_body_scales_the_force_only(rigid):
     assert not bias.moment.any()
 
 
+@pytest.mark.long
 def test_wrong_nodal_masses_scale_both(boomerang):
     recording, solution = boomerang
     force, moment = found_bias(recording, solution, replace(recording.body, mass=1.02 * recording.body.mass))
@@ -170,6 +171,7 @@ def test_wrong_inertia_costs_what_the_budget_says(rigid):
         assert agrees(moment, wrong_inertia(motion_of(solution), dJ).moment)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("node", "along"), [(0, 1), (8, 0), (8, 2)])
 def test_marker_wrong_by_a_millimeter_costs_what_the_budget_says(stiff, node, along, monkeypatch):
     recording, solution, rigid = stiff

@@ -376,6 +376,7 @@ def test_loads_along_nearly_one_direction_are_said_to_be_split_badly(degrees, sa
     assert all("first, second" in names and "third" not in names for names in told)
 
 
+@pytest.mark.long
 def test_turns_past_half_a_revolution_show_as_a_moment_that_turns_the_body_over():
     """A body that turns 240 degrees a frame about a wobbling axis reads as one of 120 the other way."""
     for degrees, said in ((60.0, False), (240.0, True)):
@@ -384,6 +385,7 @@ def test_turns_past_half_a_revolution_show_as_a_moment_that_turns_the_body_over(
         assert ("turn-by-moment" in estimate.verdict.codes) is said
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("degrees", "told"), [(150.0, True), (185.0, False), (240.0, False)])
 def test_a_turn_is_told_where_all_others_would_take_far_more_moment(degrees, told):
     kin = seen(spin_per_frame(degrees, np.random.default_rng(0)).recording)

@@ -53,6 +53,7 @@ def test_a_force_that_a_wrong_center_makes_is_within_its_claim():
     assert 0.8 < np.sqrt((over**2).mean()) < 1.2
 
 
+@pytest.mark.long
 def test_a_right_center_is_claimed_as_well_as_the_record_shows_it():
     over = over_claims(0.0, range(4))
     assert 0.1 < np.sqrt((over**2).mean()) < 1.3

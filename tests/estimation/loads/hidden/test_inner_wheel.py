@@ -119,6 +119,7 @@ def spun(weight):
     return recording, np.cross(spin, np.einsum("tab,bc,tdc,d->ta", R, J, R, spin))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("weight", [9.81, 0.0])
 def test_a_moment_and_a_wheel_that_explain_a_record_as_well_are_both_in_the_claim(weight):
     recording, true = spun(np.array([0.0, 0.0, -weight]))

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from forceid.config import load_settings
 from forceid.estimation.loads.channels import tune_channel
@@ -105,6 +106,7 @@ def test_of_several_stretches_the_narrowest_band_and_the_largest_load_are_told()
     assert widest([None]) is None
 
 
+@pytest.mark.long
 def test_a_load_at_twice_the_spin_that_a_record_cannot_show_is_told() -> None:
     ring = SceneRecipe(
         scene="spinner", duration=1.0, sample_rate=250.0, noise_std=1e-3, seed=1,

@@ -68,6 +68,7 @@ def test_a_load_on_modes_is_shown_at_its_frequency_and_size() -> None:
     assert found.density[~near].sum() < 0.01 * found.density[near].sum()
 
 
+@pytest.mark.long
 def test_a_plate_whose_modes_are_told_is_claimed_as_well_as_it_is_known() -> None:
     each = [estimated_score(plate_flight(seed, 8, "modes"), model="modal", lines="none") for seed in range(4)]
     assert [one.verdict for one in each] == 4 * ["ok"]
