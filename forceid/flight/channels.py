@@ -84,9 +84,11 @@ def driven(
     chain, noise_var = colored(chain, gain, noise_var, color)
     # equal steps share their matrices: a regular clock has one
     unique, which = np.unique(np.round(step, 12), return_inverse=True)
-    F, Q = discretize_steps(chain, unique)
-    Q[..., 0, 0] += drift * unique[:, None]
-    if len(unique) > 1:
+    if shared := 2 * len(unique) < len(step):
+        step = unique
+    F, Q = discretize_steps(chain, step)
+    Q[..., 0, 0] += drift * step[:, None]
+    if shared and len(unique) > 1:
         F, Q = F[which], Q[which]
     H = gain * chain.output[None, None, None]
     return StateSpace(F, Q, H, noise_var[..., None, None], np.zeros(chain.P0.shape[:-1]), chain.P0)

@@ -50,7 +50,7 @@ def is_even(time: Array) -> bool:
     (True, False)
     """
     tick = np.linspace(time[0], time[-1], len(time))
-    return bool(np.abs(time - tick).max() < SHIFT * (tick[1] - tick[0]))
+    return bool(np.ptp(time - tick) < 2 * SHIFT * (tick[1] - tick[0]))  # whose ticks begin anywhere
 
 
 def ordinates(samples: int, step: float, color: Color | None) -> Ordinates:

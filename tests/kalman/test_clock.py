@@ -2,8 +2,18 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forceid.kalman.building.clock import discretize_steps
-from forceid.kalman.building.process import discretize, integrate, matern, resonator, superpose
+from forceid.kalman.building.clock import discretize_steps, driven_apart
+from forceid.kalman.building.lines import loosened
+from forceid.kalman.building.process import (
+    Process,
+    discretize,
+    integrate,
+    integrated_wiener,
+    matern,
+    random_walk,
+    resonator,
+    superpose,
+)
 
 
 def scaled(error, Q):
@@ -62,3 +72,49 @@ def test_steps_that_are_all_alike_are_the_one_step_they_are():
     F_one, Q_one = discretize_steps(chain, np.array([0.004]))
     np.testing.assert_allclose(F, np.broadcast_to(F_one, F.shape), rtol=1e-13)
     np.testing.assert_allclose(Q, np.broadcast_to(Q_one, Q.shape), rtol=1e-13)
+
+
+def drawn_load(rng):
+    """A load of any kind that may stand beside others in a chain."""
+    kinds = (
+        lambda: matern(int(rng.integers(1, 5)), rng.uniform(0.1, 3.0, 4), rng.uniform(3.0, 60.0, 4)),
+        lambda: resonator(rng.uniform(2.0, 60.0), rng.uniform(0.1, 3.0, 4), rng.choice([0.0, 2.0])),
+        lambda: loosened(resonator(rng.uniform(2.0, 60.0), np.ones(4), 0.0), 0.1),
+        lambda: integrated_wiener(int(rng.integers(1, 4)), np.full(4, 3.0), 1.0),
+        lambda: random_walk(0.0, np.ones(4)),
+    )
+    return kinds[int(rng.integers(len(kinds)))]()
+
+
+@settings(deadline=None, derandomize=True, max_examples=60)
+@given(seed=st.integers(0, 10_000), count=st.integers(1, 6))
+def test_loads_beside_each_other_go_by_themselves_and_have_the_matrices_of_all(seed, count):
+    rng = np.random.default_rng(seed)
+    chain = integrate(integrate(superpose(*(drawn_load(rng) for _ in range(count))), np.ones(4)), np.ones(4))
+    order = rng.permutation(len(chain.output))  # in whichever places
+    chain = Process(
+        *(a[..., order[:, None], order] for a in (chain.A, chain.Qc, chain.P0)), chain.output[order]
+    )
+    step = 0.01 * (1 + 0.8 * rng.uniform(-1, 1, 80))
+    F, Q = discretize_steps(chain, step)
+    F_alone, Q_alone = discretize(
+        Process(chain.A[None], chain.Qc[None], chain.P0, chain.output), step[:, None]
+    )
+    size = np.maximum(np.sqrt(np.diagonal(Q_alone, axis1=-2, axis2=-1)), 1.0)
+    assert (np.abs(F - F_alone) * size[..., None, :] / size[..., :, None]).max() < 1e-10
+    assert scaled(Q - Q_alone, Q_alone).max() < 1e-10
+
+
+def test_parts_are_what_nothing_else_moves_and_all_that_they_move():
+    chain = integrate(superpose(matern(2, 1.0, 3.0), loosened(resonator(5.0, 1.0, 0.0), 0.1)), var=1.0)
+    assert [own.tolist() for own in driven_apart(chain.A, chain.Qc)] == [[0, 1, 2], [0, 3, 4, 5, 6]]
+    shaken = chain.Qc.copy()
+    shaken[2, 3] = shaken[3, 2] = 0.1
+    assert [own.tolist() for own in driven_apart(chain.A, shaken)] == [list(range(7))]
+    alone = matern(3, 1.0, 3.0)
+    assert [own.tolist() for own in driven_apart(alone.A, alone.Qc)] == [[0, 1, 2]]
+
+
+def test_a_constant_goes_along_with_what_moves():
+    chain = integrate(superpose(random_walk(0.0, 1.0), matern(1, 1.0, 3.0)), var=1.0)
+    assert [own.tolist() for own in driven_apart(chain.A, chain.Qc)] == [[0, 1, 2]]

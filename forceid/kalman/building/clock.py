@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import pairwise, product
+
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 from scipy.special import gammaln
 
 from forceid.kalman.building.process import Diffusion, Process, discretize
-from forceid.records import Array
+from forceid.records import Array, Indices
 from forceid.rounding import ITERATIONS
 
 RANGES_IN_OCTAVE = 2  # ranges of steps: over one, noise that grows by h^16 keeps fourteen digits of its own
@@ -17,22 +19,72 @@ def discretize_steps(process: Diffusion, step: Array) -> tuple[Array, Array]:
     """Transition F and noise covariance Q (step, ..., state, state) of a process over steps (step,) s.
 
     process: A, Qc (..., state, state). As exact as `discretize`, for many steps at once: a clock with jitter
-    has as many as frames. F and Q are entire functions of the step, so a polynomial through Chebyshev points
-    of a short range has them to rounding. Source: Trefethen (2013), Approximation theory, 8.
+    has as many as frames. What drives the same integrals by itself, as a load and each of its lines do, goes
+    by itself, and once where all models have it alike.
     """
-    lead = process.A.ndim - 2
-    process = Process(process.A[None], process.Qc[None], process.P0, process.P0)
-
-    def exactly(h: Array) -> tuple[Array, Array]:
-        return discretize(process, h.reshape(-1, *[1] * lead))
-
+    A, Qc = np.broadcast_arrays(process.A, process.Qc)
     if len(step) <= ITERATIONS:
-        return exactly(step)
+        return discretize(Process(A[None], Qc[None], A, A), step.reshape(-1, *[1] * (A.ndim - 2)))
+    parts = driven_apart(A, Qc)
+    if len(parts) == 1:
+        return over_many_steps(A, Qc, step)
+    F, Q = (np.zeros((len(step), *A.shape), a.dtype) for a in (A, Qc))
+    for own in parts:
+        among = (..., own[:, None], own)
+        F_own, Q_own = over_many_steps(alike(A[among]), alike(Qc[among]), step)
+        for (at, rows), (to, columns) in product(in_a_row(own), repeat=2):
+            F[..., at, to] = F_own[..., rows, columns]
+            if Q_own[..., rows, columns].any():
+                Q[..., at, to] += Q_own[..., rows, columns]
+    return F, Q
+
+
+def in_a_row(own: Indices) -> list[tuple[slice, slice]]:
+    """Runs of states in a row among those of a part (state,): where they are in all, and in the part."""
+    cut = np.flatnonzero(np.diff(own) > 1) + 1
+    return [(slice(own[a], own[b - 1] + 1), slice(a, b)) for a, b in pairwise([0, *cut.tolist(), len(own)])]
+
+
+def driven_apart(A: Array, Qc: Array) -> list[Indices]:
+    """States of each part of x' = A x + w that nothing else moves, with all that it moves.
+
+    Constants go along with the first. One part where noise reaches across parts, or what several move.
+    """
+    n, lead = A.shape[-1], tuple(range(A.ndim - 2))
+    moving, shaken = (np.asarray((a != 0).any(lead)) for a in (A, Qc))
+    moved = np.linalg.matrix_power((moving | np.eye(n, dtype=bool)).astype(float), n) > 0  # by (i, j)
+    first = [
+        j for j in range(n) if (moved[:, j] >= moved[j]).all() and not (moved[j, :j] & moved[:j, j]).any()
+    ]
+    still = ~(moving | shaken)[first].any(1)
+    if still.all():
+        return [np.arange(n)]
+    by, along = moved[:, first][:, ~still], moved[:, first][:, still].any(1)
+    by[:, :1] |= along[:, None]
+    mover, several = by.argmax(1), by.sum(1) > 1
+    if shaken[several].any() or (shaken & (mover[:, None] != mover)).any():
+        return [np.arange(n)]
+    return [np.flatnonzero(own) for own in by.T]
+
+
+def alike(a: Array) -> Array:
+    """Matrices (..., state, state) of many models, or (..., 1, state, state) of one where all are alike."""
+    one = a[(slice(0, 1),) * (a.ndim - 2)]
+    return one if (a == one).all() else a
+
+
+def over_many_steps(A: Array, Qc: Array, step: Array) -> tuple[Array, Array]:
+    """F and Q of x' = A x + w over steps (step,) s, by polynomials.
+
+    F and Q are entire functions of the step, so a polynomial through Chebyshev points of a short range has
+    them to rounding. Source: Trefethen (2013), Approximation theory, 8.
+    """
+    lead = max(A.ndim, Qc.ndim) - 2
     # a step of no length stands by itself
     part = np.where(step > 0, np.frexp(step**RANGES_IN_OCTAVE)[1], np.iinfo(np.int32).min)
     bounds = [(step[part == k].min(), step[part == k].max(), part == k) for k in np.unique(part)]
-    fastest = float(np.abs(np.linalg.eigvals(process.A.real)).max(initial=0.0))
-    powers = 2 * process.A.shape[-1]
+    fastest = float(np.abs(np.linalg.eigvals(A.real)).max(initial=0.0))
+    powers = 2 * A.shape[-1]
     nodes, shares = [], []
     for low, high, own in bounds:
         middle, half = 0.5 * (high + low), 0.5 * (high - low)
@@ -48,7 +100,7 @@ def discretize_steps(process: Diffusion, step: Array) -> tuple[Array, Array]:
         nodes.append(middle + half * at)
         off = (step[own] - middle) / half if half > 0 else 0.0 * step[own]  # steps may all be alike
         shares.append((own, chebvander(off, count - 1) @ through))
-    found = exactly(np.concatenate(nodes))
+    found = discretize(Process(A[None], Qc[None], A, A), np.concatenate(nodes).reshape(-1, *[1] * lead))
     F, Q = (np.empty((len(step), *a.shape[1:]), a.dtype) for a in found)
     ends = np.cumsum([len(h) for h in nodes])
     for (own, share), end in zip(shares, ends, strict=True):
