@@ -9,7 +9,7 @@ from numpy.polynomial.chebyshev import chebvander
 from scipy.special import gammaln
 
 from forceid.kalman.building.process import Diffusion, Process, discretize
-from forceid.records import Array, Indices
+from forceid.records import Array, Flags, Indices
 from forceid.rounding import ITERATIONS
 
 RANGES_IN_OCTAVE = 2  # ranges of steps: over one, noise that grows by h^16 keeps fourteen digits of its own
@@ -51,16 +51,17 @@ def driven_apart(A: Array, Qc: Array) -> list[Indices]:
     Constants go along with the first. One part where noise reaches across parts, or what several move.
     """
     n, lead = A.shape[-1], tuple(range(A.ndim - 2))
-    moving, shaken = (np.asarray((a != 0).any(lead)) for a in (A, Qc))
+    moving: Flags = np.any(A != 0, lead)
+    shaken: Flags = np.any(Qc != 0, lead)
     moved = np.linalg.matrix_power((moving | np.eye(n, dtype=bool)).astype(float), n) > 0  # by (i, j)
     first = [
         j for j in range(n) if (moved[:, j] >= moved[j]).all() and not (moved[j, :j] & moved[:j, j]).any()
     ]
-    still = ~(moving | shaken)[first].any(1)
+    still: Flags = ~np.any((moving | shaken)[first], axis=1)
     if still.all():
         return [np.arange(n)]
-    by, along = moved[:, first][:, ~still], moved[:, first][:, still].any(1)
-    by[:, :1] |= along[:, None]
+    by = moved[:, first][:, ~still]
+    by[:, :1] |= np.any(moved[:, first][:, still], axis=1, keepdims=True)
     mover, several = by.argmax(1), by.sum(1) > 1
     if shaken[several].any() or (shaken & (mover[:, None] != mover)).any():
         return [np.arange(n)]
