@@ -14,7 +14,7 @@ from forceid.estimation.applied import about_point, applied_loads, check_points,
 from forceid.estimation.body.affine_fit import shows_affine
 from forceid.estimation.body.cleaning import prepared
 from forceid.estimation.body.inertia import without_node_rotations
-from forceid.estimation.body.kinematics import Kinematics, kinematics, shape_at
+from forceid.estimation.body.kinematics import Kinematics, kinematics, mapped, shape_at
 from forceid.estimation.body.material import with_material
 from forceid.estimation.body.modal_force import modal_forces
 from forceid.estimation.body.rotors import with_rotors
@@ -75,7 +75,7 @@ from forceid.kalman.engines import engine
 from forceid.motion import fit_rotation
 from forceid.principal import objectivity
 from forceid.records import Array, Body, Estimate, Finding, Motion, Recording, deviation
-from forceid.rounding import SOLVED, solvable
+from forceid.rounding import solvable
 from forceid.threads import threads_for
 from forceid.timing import in_order, recorded, stage
 
@@ -440,7 +440,7 @@ def in_gauge(
 
 def stretch_to(mean: Array, shape: Array) -> Array:
     """Right stretch U (time, 3, 3) of the affine map that takes the mean shape to `shape` (time, node, 3)."""
-    A = np.eye(3) + np.einsum("tna,bn->tab", shape - mean, np.linalg.pinv(mean, rcond=SOLVED))
+    A = mapped(mean, shape)
     square, axes = np.linalg.eigh(A.swapaxes(1, 2) @ A)
     return np.asarray(axes * np.sqrt(square)[:, None] @ axes.swapaxes(1, 2))
 

@@ -33,6 +33,7 @@ from forceid.motion import (
 )
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags, KnownPart, Motion
+from forceid.rounding import SOLVED
 from forceid.timing import stage
 
 
@@ -281,3 +282,12 @@ def scaled_noise(kin: Kinematics, factor: dict[str, Array]) -> dict[str, Array]:
 def shape_at(kin: Kinematics, amplitude: Array) -> Array:
     """Shape (time, node, 3) about the mass center, body axes, at mode amplitudes (time, mode)."""
     return np.asarray(kin.shape + np.einsum("tk,kna->tna", amplitude, kin.shapes))
+
+
+def mapped(mean: Array, shape: Array) -> Array:
+    """The linear maps (time, 3, 3) that take a mean shape (node, 3), with a shift, nearest to shapes (time,
+    node, 3).
+    """
+    spread = mean - mean.mean(0)
+    back = np.linalg.pinv(spread, rcond=SOLVED)
+    return np.asarray(np.eye(3) + np.einsum("tna,bn->tab", shape - mean, back, optimize=True))

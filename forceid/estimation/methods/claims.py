@@ -29,6 +29,7 @@ from forceid.estimation.verdict.sensitivity import Unit, length
 from forceid.estimation.verdict.tracks import judge_rejected, judge_wild
 from forceid.flight.channels import Channel
 from forceid.flight.vibration import ModeState
+from forceid.principal import cross_matrix
 from forceid.records import Array
 from forceid.significance import TENTH
 
@@ -145,7 +146,7 @@ def allow_for_priors(problem: Problem) -> Problem:
         clock = channels["moment"].time
         force = state.force[np.isin(problem.flight.time, clock)]
         beside["moment"] = inner_wheel.signals(clock, turned["moment"], force)
-    told = told_of_body(problem, channels, turned)
+    told = told_of_body(problem, channels)
     for name, (signals, _) in told.items():
         beside[name] = np.concatenate([*([beside[name]] if name in beside else []), signals], 2)
     looks = {
@@ -178,22 +179,23 @@ def allow_for_priors(problem: Problem) -> Problem:
     return replace(problem, growth=growth).noting(*said)
 
 
-def told_of_body(
-    problem: Problem, channels: Mapping[str, Channel], turned: Mapping[str, Array]
-) -> dict[str, tuple[Array, float]]:
+def told_of_body(problem: Problem, channels: Mapping[str, Channel]) -> dict[str, tuple[Array, float]]:
     """What a mass center and an inertia told as numbers may make of each channel, and how far off these are.
 
     As settings say, or as usual measurements leave them. Not of mass told by its places.
     """
     kin, doubt, told = problem.kin, problem.settings.body_std, {}
-    if kin.inertia.nodal is not None or not kin.attitude or kin.deforms:
+    if kin.inertia.nodal is not None or not kin.attitude:
         return {}
+    U, R = body_told.carried(kin, problem.deformation.amplitude), problem.state.rotation
+    F = R @ U
     if "force" in channels:
-        told["force"] = turned["force"], doubt.mass_center or body_told.balanced(kin.inertia)
+        shown = np.isin(kin.time, channels["force"].time)
+        told["force"] = F[shown], doubt.mass_center or body_told.balanced(kin.inertia)
     if "moment" in channels:
-        clock = channels["moment"].time
-        omega = problem.state.omega[np.isin(problem.flight.time, clock)]
-        wrong = body_told.by_inertia(clock, turned["moment"], omega, kin.inertia.tensor)
+        shown = np.isin(kin.time, channels["moment"].time)
+        rate = cross_matrix(problem.state.omega) @ F + R @ np.gradient(U, kin.time, axis=0)
+        wrong = body_told.by_inertia(channels["moment"].time, F[shown], rate[shown], kin.inertia.tensor)
         told["moment"] = wrong, doubt.inertia or body_told.SWUNG
     return told
 

@@ -1,10 +1,11 @@
 """A mass center or an inertia told a little wrong, which passes for a load that turns with the body.
 
 A center told d beside its place, body axes, is seen at c + R d, and m (R d)'' passes for force. An inertia
-told dJ too large makes R dJ omega of angular momentum, and the rate of that passes for moment. Both are
-patterns that the motion fixes, and the record is more or less likely with them: beforehand as likely as none,
-of the size that usual measurements leave. The prior of the load has grown to what such a pattern passed for,
-so that smaller loads are tried beside it. Who states how well the body is known (body_std) is believed.
+told dJ too large makes R dJ omega of angular momentum, and the rate of that passes for moment. Where the body
+deforms by a map F, both do with it. These are patterns that the motion fixes, and the record is more or less
+likely with them: beforehand as likely as none, of the size that usual measurements leave. The prior of the
+load has grown to what such a pattern passed for, so that smaller loads are tried beside it. Who states how
+well the body is known (body_std) is believed.
 Source: principal equations 2.4, 2.6.
 """
 
@@ -16,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from forceid.estimation.body.inertia import Inertia
+from forceid.estimation.body.inertia import Inertia, second_moment
+from forceid.estimation.body.kinematics import Kinematics, mapped, shape_at
 from forceid.estimation.loads.hidden.inner_wheel import STRONG
 from forceid.estimation.loads.hidden.order_uncertainty import claimed_along, grown
 from forceid.estimation.loads.hidden.whitened import MOST_GAINED, Whitened, amounts
@@ -39,16 +41,28 @@ def balanced(inertia: Inertia) -> float:
     return BALANCED * float(np.sqrt(12 * 0.5 * np.trace(inertia.tensor) / inertia.mass))
 
 
-def by_inertia(time: Array, rotation: Array, omega: Array, inertia: Array) -> Array:
+def carried(kin: Kinematics, amplitude: Array) -> Array:
+    """What a body carries along with its axes (time, 3, 3): its map from the mean shape where that is affine.
+
+    amplitude (time, mode): of its shapes. Of others the identity.
+    """
+    if kin.model != "affine":
+        return np.tile(np.eye(3), (len(kin.time), 1, 1))
+    return mapped(kin.shape, shape_at(kin, amplitude))
+
+
+def by_inertia(time: Array, F: Array, rate: Array, inertia: Array) -> Array:
     """What the channel of a moment (time, 3, 6) sees of entries of J told too large, over its diagonal.
 
-    omega (time, 3) rad/s, world axes; inertia (3, 3) kg m2, body axes.
+    F, rate (time, 3, 3): of what the body carries, world axes, and its rate; inertia (3, 3) kg m2, body axes.
+    The angular momentum of a second moment E is the axial part of F E F'^T.
     """
-    spin, scale, H = np.einsum("tba,tb->ta", rotation, omega), np.sqrt(np.diagonal(inertia)), []
+    scale, H = np.sqrt(np.diagonal(inertia)), []
     for i, j in SYMMETRIC:
         wrong = np.zeros((3, 3))
         wrong[i, j] = wrong[j, i] = scale[i] * scale[j]
-        H.append(np.einsum("tab,bc,tc->ta", rotation, wrong, spin, optimize=True))
+        each = F @ second_moment(wrong) @ rate.mT
+        H.append(np.stack([each[:, a, b] - each[:, b, a] for a, b in ((1, 2), (2, 0), (0, 1))], 1))
     return np.asarray(cumulative_trapezoid(np.stack(H, -1), time, axis=0, initial=0))
 
 

@@ -87,7 +87,7 @@ def allow_for_wheels(
     beyond = [wheel for wheel in found if (wheel.off > SIGMAS * claimed).any()]
     odds = sum(wheel.odds for wheel in beyond)
     excluded = STRONG * odds <= total - odds
-    weights = [(w, 0.0 if excluded else w.odds / odds) for w in beyond]
+    weights = [(w, w.odds / (total if excluded else odds)) for w in beyond]
     weights += [(w, w.odds / total) for w in found if w not in beyond]
     own = np.tile(np.eye(6), (*axes.shape[:-2], 1, 1))
     more = np.sqrt(1 + sum(weight * (w.off / claimed) ** 2 for w, weight in weights))
