@@ -59,8 +59,12 @@ def main() -> None:
     names = [*dict.fromkeys(row.kind for row in rows)]
     groups = {name: [row for row in rows if row.kind == name] for name in names} | {"all": rows}
     table = tabled(HEADS, [counted(name, of) for name, of in groups.items()])
-    told = [f"- {row}" for row in rows if row.silent or row.verdict in ("refused", "crashed")]
-    parts = [table, *["Silent, refused or crashed:", "\n".join(told)] * bool(told)]
+    amiss = [row for row in rows if row.silent or row.verdict in ("refused", "crashed")]
+    told = ", ".join(f"{row.kind} {row.seed}" for row in amiss)
+    parts = [
+        table,
+        *[f"Silent, refused or crashed: {told}. To see one: `--only KIND --seeds SEED`."] * bool(told),
+    ]
     if folder is None:
         print("\n\n".join(parts))
     else:
