@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.kalman.building.clock import discretize_steps
-from forceid.kalman.building.process import Process, discretize
+from forceid.kalman.building.process import Process
 from forceid.records import Array, Flags, Indices
 
 CLOCK = 1e-9  # s: clocks are no finer, so that an edge as near to a sample as that lies at it
@@ -140,11 +140,14 @@ def forms_of(
 
     def over_all(Qc: Array) -> tuple[Array, Array]:
         whole = discretize_steps(Process(A, Qc, P0, each[0].output), lengths)
-        cut = Process(A[which], Qc[which], P0, each[0].output)
-        some = discretize(cut, short.reshape(-1, *[1] * (A.ndim - 3))) if len(short) else (A[:0], A[:0])
+        # parts stand in the order of the hastes that they have
+        cut = [
+            discretize_steps(Process(A[k], Qc[k], P0, each[0].output), short[which == k])
+            for k in np.unique(which)
+        ]
         F, Q = (
-            np.concatenate([one.swapaxes(0, 1).reshape(-1, *one.shape[2:]), other])
-            for one, other in zip(whole, some, strict=True)
+            np.concatenate([one.swapaxes(0, 1).reshape(-1, *one.shape[2:]), *some])
+            for one, *some in zip(whole, *cut, strict=True)
         )
         return F, Q
 

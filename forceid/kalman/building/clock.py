@@ -12,6 +12,7 @@ from forceid.kalman.building.process import Diffusion, Process, discretize
 from forceid.records import Array, Flags, Indices
 from forceid.rounding import ITERATIONS
 
+ONE_LOAD = 9  # states of the chain of the smoothest load, alone: in more there are lines, or colored errors
 RANGES_IN_OCTAVE = 2  # ranges of steps: over one, noise that grows by h^16 keeps fourteen digits of its own
 
 
@@ -23,15 +24,14 @@ def discretize_steps(process: Diffusion, step: Array) -> tuple[Array, Array]:
     by itself, and once where all models have it alike.
     """
     A, Qc = np.broadcast_arrays(process.A, process.Qc)
-    if len(step) <= ITERATIONS:
-        return discretize(Process(A[None], Qc[None], A, A), step.reshape(-1, *[1] * (A.ndim - 2)))
-    parts = driven_apart(A, Qc)
-    if len(parts) == 1:
-        return over_many_steps(A, Qc, step)
+    several = A.shape[-1] > ONE_LOAD or len(step) > ITERATIONS
+    parts = driven_apart(A, Qc) if several else []
+    if len(parts) < 2:
+        return over_steps(A, Qc, step)
     F, Q = (np.zeros((len(step), *A.shape), a.dtype) for a in (A, Qc))
     for own in parts:
         among = (..., own[:, None], own)
-        F_own, Q_own = over_many_steps(alike(A[among]), alike(Qc[among]), step)
+        F_own, Q_own = over_steps(alike(A[among]), alike(Qc[among]), step)
         for (at, rows), (to, columns) in product(in_a_row(own), repeat=2):
             F[..., at, to] = F_own[..., rows, columns]
             if Q_own[..., rows, columns].any():
@@ -74,13 +74,19 @@ def alike(a: Array) -> Array:
     return one if (a == one).all() else a
 
 
-def over_many_steps(A: Array, Qc: Array, step: Array) -> tuple[Array, Array]:
-    """F and Q of x' = A x + w over steps (step,) s, by polynomials.
+def over_steps(A: Array, Qc: Array, step: Array) -> tuple[Array, Array]:
+    """F and Q of x' = A x + w over steps (step,) s, of many by polynomials.
 
     F and Q are entire functions of the step, so a polynomial through Chebyshev points of a short range has
     them to rounding. Source: Trefethen (2013), Approximation theory, 8.
     """
     lead = max(A.ndim, Qc.ndim) - 2
+
+    def exactly(h: Array) -> tuple[Array, Array]:
+        return discretize(Process(A[None], Qc[None], A, A), h.reshape(-1, *[1] * lead))
+
+    if len(step) <= ITERATIONS:
+        return exactly(step)
     # a step of no length stands by itself
     part = np.where(step > 0, np.frexp(step**RANGES_IN_OCTAVE)[1], np.iinfo(np.int32).min)
     bounds = [(step[part == k].min(), step[part == k].max(), part == k) for k in np.unique(part)]
@@ -101,7 +107,7 @@ def over_many_steps(A: Array, Qc: Array, step: Array) -> tuple[Array, Array]:
         nodes.append(middle + half * at)
         off = (step[own] - middle) / half if half > 0 else 0.0 * step[own]  # steps may all be alike
         shares.append((own, chebvander(off, count - 1) @ through))
-    found = discretize(Process(A[None], Qc[None], A, A), np.concatenate(nodes).reshape(-1, *[1] * lead))
+    found = exactly(np.concatenate(nodes))
     F, Q = (np.empty((len(step), *a.shape[1:]), a.dtype) for a in found)
     ends = np.cumsum([len(h) for h in nodes])
     for (own, share), end in zip(shares, ends, strict=True):
