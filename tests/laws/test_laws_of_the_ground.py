@@ -43,6 +43,7 @@ def block():
     return drawn, estimated(drawn)
 
 
+@pytest.mark.long
 def test_a_block_gives_back_the_stiffness_and_damping_of_its_mounts(block):
     drawn, estimate = block
     law = found(estimate, drawn, SPRING)
@@ -142,6 +143,7 @@ def test_a_ball_slides_and_then_rolls_as_closed_forms_say():
     assert (again[-1, 3] - again[-201, 3]) / (200 * h) == pytest.approx(-slows, rel=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("table", "error", "said"), [
     ({"law": SPRING}, ConfigError, "'ground' is missing"),
     ({"law": SPRING, "ground": {}}, ConfigError, "points, or the radius"),
