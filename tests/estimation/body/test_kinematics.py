@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from forceid.config import load_settings
 from forceid.errors import DataError
 from forceid.estimation.body.inertia import inertia_of
-from forceid.estimation.body.kinematics import kinematics, scaled_noise, shape_at
+from forceid.estimation.body.kinematics import kinematics, mapped, scaled_noise, shape_at
 from forceid.records import Body
 
 
@@ -184,3 +184,13 @@ def test_shapes_given_with_the_body_are_used_without_their_rigid_part():
 
 def test_rigid_model_takes_up_no_shape():
     assert len(seen(cf.toss(breath=0.05), model="rigid").shapes) == 0
+
+
+def test_the_map_of_a_shape_is_the_same_wherever_its_nodes_lie():
+    rng = np.random.default_rng(4)
+    mean, F = (
+        rng.standard_normal((7, 3)) + np.array([3.0, -2.0, 1.0]),
+        np.eye(3) + 0.2 * rng.standard_normal((5, 3, 3)),
+    )
+    shape = rng.standard_normal((5, 1, 3)) + np.einsum("tab,nb->tna", F, mean)
+    np.testing.assert_allclose(mapped(mean, shape), F, atol=1e-12)
