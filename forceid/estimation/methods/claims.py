@@ -187,7 +187,7 @@ def told_of_body(problem: Problem, channels: Mapping[str, Channel]) -> dict[str,
     kin, doubt, told = problem.kin, problem.settings.body_std, {}
     if kin.inertia.nodal is not None or not kin.attitude:
         return {}
-    U, R = body_told.carried(kin, problem.deformation.amplitude), problem.state.rotation
+    U, R = body_told.deforming_map(kin, problem.deformation.amplitude), problem.state.rotation
     F = R @ U
     if "force" in channels:
         shown = np.isin(kin.time, channels["force"].time)

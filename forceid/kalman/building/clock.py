@@ -27,11 +27,11 @@ def discretize_steps(process: Diffusion, step: Array) -> tuple[Array, Array]:
     several = A.shape[-1] > ONE_LOAD or len(step) > ITERATIONS
     parts = driven_apart(A, Qc) if several else []
     if len(parts) < 2:
-        return over_steps(A, Qc, step)
+        return over_a_clock(A, Qc, step)
     F, Q = (np.zeros((len(step), *A.shape), a.dtype) for a in (A, Qc))
     for own in parts:
         among = (..., own[:, None], own)
-        F_own, Q_own = over_steps(alike(A[among]), alike(Qc[among]), step)
+        F_own, Q_own = over_a_clock(of_one(A[among]), of_one(Qc[among]), step)
         for (at, rows), (to, columns) in product(in_a_row(own), repeat=2):
             F[..., at, to] = F_own[..., rows, columns]
             if Q_own[..., rows, columns].any():
@@ -68,13 +68,13 @@ def driven_apart(A: Array, Qc: Array) -> list[Indices]:
     return [np.flatnonzero(own) for own in by.T]
 
 
-def alike(a: Array) -> Array:
+def of_one(a: Array) -> Array:
     """Matrices (..., state, state) of many models, or (..., 1, state, state) of one where all are alike."""
     one = a[(slice(0, 1),) * (a.ndim - 2)]
     return one if (a == one).all() else a
 
 
-def over_steps(A: Array, Qc: Array, step: Array) -> tuple[Array, Array]:
+def over_a_clock(A: Array, Qc: Array, step: Array) -> tuple[Array, Array]:
     """F and Q of x' = A x + w over steps (step,) s, of many by polynomials.
 
     F and Q are entire functions of the step, so a polynomial through Chebyshev points of a short range has

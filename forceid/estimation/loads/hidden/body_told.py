@@ -41,7 +41,7 @@ def balanced(inertia: Inertia) -> float:
     return BALANCED * float(np.sqrt(12 * 0.5 * np.trace(inertia.tensor) / inertia.mass))
 
 
-def carried(kin: Kinematics, amplitude: Array) -> Array:
+def deforming_map(kin: Kinematics, amplitude: Array) -> Array:
     """What a body carries along with its axes (time, 3, 3): its map from the mean shape where that is affine.
 
     amplitude (time, mode): of its shapes. Of others the identity.
