@@ -2,18 +2,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from forceid import kalman
+from forceid.kalman import discretize, integrate, matern, resonator, superpose
 from forceid.kalman.building.clock import discretize_steps, driven_apart
 from forceid.kalman.building.lines import loosened
-from forceid.kalman.building.process import (
-    Process,
-    discretize,
-    integrate,
-    integrated_wiener,
-    matern,
-    random_walk,
-    resonator,
-    superpose,
-)
 
 
 def scaled(error, Q):
@@ -80,8 +72,8 @@ def drawn_load(rng):
         lambda: matern(int(rng.integers(1, 5)), rng.uniform(0.1, 3.0, 4), rng.uniform(3.0, 60.0, 4)),
         lambda: resonator(rng.uniform(2.0, 60.0), rng.uniform(0.1, 3.0, 4), rng.choice([0.0, 2.0])),
         lambda: loosened(resonator(rng.uniform(2.0, 60.0), np.ones(4), 0.0), 0.1),
-        lambda: integrated_wiener(int(rng.integers(1, 4)), np.full(4, 3.0), 1.0),
-        lambda: random_walk(0.0, np.ones(4)),
+        lambda: kalman.integrated_wiener(int(rng.integers(1, 4)), np.full(4, 3.0), 1.0),
+        lambda: kalman.random_walk(0.0, np.ones(4)),
     )
     return kinds[int(rng.integers(len(kinds)))]()
 
@@ -92,13 +84,13 @@ def test_loads_beside_each_other_go_by_themselves_and_have_the_matrices_of_all(s
     rng = np.random.default_rng(seed)
     chain = integrate(integrate(superpose(*(drawn_load(rng) for _ in range(count))), np.ones(4)), np.ones(4))
     order = rng.permutation(len(chain.output))  # in whichever places
-    chain = Process(
+    chain = kalman.Process(
         *(a[..., order[:, None], order] for a in (chain.A, chain.Qc, chain.P0)), chain.output[order]
     )
     step = 0.01 * (1 + 0.8 * rng.uniform(-1, 1, 80))
     F, Q = discretize_steps(chain, step)
     F_alone, Q_alone = discretize(
-        Process(chain.A[None], chain.Qc[None], chain.P0, chain.output), step[:, None]
+        kalman.Process(chain.A[None], chain.Qc[None], chain.P0, chain.output), step[:, None]
     )
     size = np.maximum(np.sqrt(np.diagonal(Q_alone, axis1=-2, axis2=-1)), 1.0)
     assert (np.abs(F - F_alone) * size[..., None, :] / size[..., :, None]).max() < 1e-10
@@ -116,5 +108,5 @@ def test_parts_are_what_nothing_else_moves_and_all_that_they_move():
 
 
 def test_a_constant_goes_along_with_what_moves():
-    chain = integrate(superpose(random_walk(0.0, 1.0), matern(1, 1.0, 3.0)), var=1.0)
+    chain = integrate(superpose(kalman.random_walk(0.0, 1.0), matern(1, 1.0, 3.0)), var=1.0)
     assert [own.tolist() for own in driven_apart(chain.A, chain.Qc)] == [[0, 1, 2]]
