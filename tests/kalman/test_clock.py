@@ -110,3 +110,9 @@ def test_parts_are_what_nothing_else_moves_and_all_that_they_move():
 def test_a_constant_goes_along_with_what_moves():
     chain = integrate(superpose(kalman.random_walk(0.0, 1.0), matern(1, 1.0, 3.0)), var=1.0)
     assert [own.tolist() for own in driven_apart(chain.A, chain.Qc)] == [[0, 1, 2]]
+
+
+def test_two_structures_of_a_hundred_modes_are_two_parts():
+    A = np.kron(np.eye(2), np.ones((200, 200)))
+    parts = driven_apart(A, 0 * A)
+    assert [own.tolist() for own in parts] == [list(range(200)), list(range(200, 400))]

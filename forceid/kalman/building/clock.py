@@ -53,7 +53,9 @@ def driven_apart(A: Array, Qc: Array) -> list[Indices]:
     n, lead = A.shape[-1], tuple(range(A.ndim - 2))
     moving: Flags = np.any(A != 0, lead)
     shaken: Flags = np.any(Qc != 0, lead)
-    moved = np.linalg.matrix_power((moving | np.eye(n, dtype=bool)).astype(float), n) > 0  # by (i, j)
+    moved = moving | np.eye(n, dtype=bool)  # i by j
+    for _ in range(n.bit_length()):
+        moved = moved.astype(float) @ moved > 0
     first = [
         j for j in range(n) if (moved[:, j] >= moved[j]).all() and not (moved[j, :j] & moved[:j, j]).any()
     ]
