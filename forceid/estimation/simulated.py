@@ -14,6 +14,7 @@ from forceid.records import Array, Body, Estimate, Flags, Motion, Recording
 from forceid.rounding import ITERATIONS, solvable
 from forceid.significance import TENTH
 
+A_TURN_A_FRAME = 2 * np.pi  # rad: more than cameras follow, and it bounds the steps
 TURN_A_STEP = 0.25  # rad of a step: by order 4 a turn of so much is right to a millionth
 PROBED = 1e-5  # rad, and share of the angular momentum, of differences: half the digits of what they move
 LEAST_POSES = 4  # with a pose: a start has as many numbers as two of them
@@ -89,7 +90,8 @@ def fly_again(estimate: Estimate, name: str = "the result") -> Simulated:
 
 def course(t: Array, values: Array, estimate: Estimate) -> PPoly:
     """Values (time, 3) between samples: cubic, or straight where loads come in pieces."""
-    values = finite(values)
+    with np.errstate(over="ignore"):  # a spline multiplies and adds up slopes: their squares leave room
+        finite(np.square(np.diff(finite(values), axis=0) / np.diff(t)[:, None]))
     if estimate.impulses is None:
         return CubicSpline(t, values)
     spline = make_interp_spline(t, values, 1)
@@ -151,9 +153,12 @@ def turned_along(t: Array, H: PPoly, R: Array, H0: Array, estimate: Estimate) ->
     Runge-Kutta-Munthe-Kaas of order 4; inertia and inner momentum go straight from sample to sample.
     """
     assert estimate.flown is not None
-    J, h = estimate.flown.inertia, estimate.flown.internal_momentum
-    inverse = np.linalg.inv(J)
-    rate = np.linalg.norm(estimate.angular_velocity, axis=1).max()
+    J, h = finite(estimate.flown.inertia), finite(estimate.flown.internal_momentum)
+    inverse, turned = np.linalg.inv(J), finite(estimate.angular_velocity)
+    rate = float(np.hypot.reduce(turned, axis=1).max())
+    if rate * (t[-1] - t[0]) > A_TURN_A_FRAME * len(t):
+        what = f"turns by {rate:.3g} rad/s, expected at most a turn a frame to fly it again"
+        raise EstimationError(what, "the body", "look for values far off")
     out = np.empty((len(t), *R.shape))
     out[0] = R
     for k, step in enumerate(np.diff(t)):

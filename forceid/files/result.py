@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from forceid.errors import DataError
+from forceid.files.checks.clock import check_clock
 from forceid.files.parse import Stored, labels, read_gravity, read_variables, real_attr, text
 from forceid.files.schema import (
     AERO,
@@ -83,6 +84,7 @@ def read_result(path: str | Path) -> Estimate:
         needed = (*ESTIMATE, *ESTIMATE_ATTRS, "verdict", "reasons")
         check_whole({*values, *group.attrs, *_OPTIONAL}, needed, where)
         node = labels(group, "node")
+        check_clock(values["time"], f"{where}/time")
         n = len(values["time"])
         parts |= {
             name: read(f, n, path) if holds(f, found, f"{path}:") else None

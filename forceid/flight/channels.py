@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from forceid.flight.color import Color
-from forceid.flight.pieces import Pieces, drawn, forms_of, split_in_a_row
+from forceid.flight.pieces import Pieces, drawn, forms_over, split_in_a_row
 from forceid.kalman.building.clock import discretize_steps
 from forceid.kalman.building.process import Process, superpose
 from forceid.kalman.model import StateSpace
@@ -94,16 +94,15 @@ def driven(
     return StateSpace(F, Q, H, noise_var[..., None, None], np.zeros(chain.P0.shape[:-1]), chain.P0)
 
 
-def driven_in_pieces(
+def in_pieces(
     chain: Callable[[float], Process],
     gain: float,
     noise_var: Array,
     drift: Array,
     time: Array,
     order: int,
-    tried: Sequence[Pieces],
     color: Color | None = None,
-) -> StateSpace:
+) -> Callable[[Sequence[Pieces]], StateSpace]:
     """The same of loads that come in pieces: as many models for each of those tried, one try after another.
 
     chain: of a load of size one throughout, by a factor on its rate; order: states of its kernel; time
@@ -113,18 +112,22 @@ def driven_in_pieces(
     plain, white = colored(chain(1.0), gain, noise_var, color)
     at = np.arange(len(plain.output))
     states = at == MEAN, (at > MEAN) & (at <= MEAN + order)
-    split = split_in_a_row(tried, step, float(time[0]))
-    forms = forms_of(
-        lambda haste: colored(chain(haste), gain, noise_var, color)[0], states[1], tried, step, split
-    )
-    forms.Q[..., 0, 0] += drift * forms.duration[:, None]
-    size = np.repeat(np.concatenate([one.size for one in tried])[..., None], len(at), -1)
-    F, Q, kind, P0 = drawn(forms, size, states, split)
-    axes = F.shape[1]
-    kind = (axes * kind.T[:, :, None] + np.arange(axes)).reshape(len(step), -1)
-    F, Q, P0 = (a.reshape(-1, *a.shape[2:]) for a in (F, Q, P0))
-    R = np.tile(white, len(tried))[..., None, None]
-    return StateSpace(F, Q, gain * plain.output[None, None, None], R, np.zeros(P0.shape[:-1]), P0, kind=kind)
+    over = forms_over(lambda haste: colored(chain(haste), gain, noise_var, color)[0], states[1], step)
+
+    def model(tried: Sequence[Pieces]) -> StateSpace:
+        split = split_in_a_row(tried, step, float(time[0]))
+        forms = over(tried, split)
+        forms.Q[..., 0, 0] += drift * forms.duration[:, None]
+        size = np.repeat(np.concatenate([one.size for one in tried])[..., None], len(at), -1)
+        F, Q, kind, P0 = drawn(forms, size, states, split)
+        axes = F.shape[1]
+        kind = (axes * kind.T[:, :, None] + np.arange(axes)).reshape(len(step), -1)
+        F, Q, P0 = (a.reshape(-1, *a.shape[2:]) for a in (F, Q, P0))
+        R = np.tile(white, len(tried))[..., None, None]
+        output = gain * plain.output[None, None, None]
+        return StateSpace(F, Q, output, R, np.zeros(P0.shape[:-1]), P0, kind=kind)
+
+    return model
 
 
 def colored(chain: Process, gain: float, noise_var: Array, color: Color | None) -> tuple[Process, Array]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from forceid.kalman.building.clock import discretize_steps
 from forceid.kalman.building.process import Process
 from forceid.records import Array, Flags, Indices
 
+HASTES_HELD = (
+    8  # factors on a rate: as many as two axes of four pieces; of 1500 uneven steps each takes 10 MB
+)
 CLOCK = 1e-9  # s: clocks are no finer, so that an edge as near to a sample as that lies at it
 
 
@@ -123,40 +127,41 @@ class Forms:
     haste: Indices
 
 
-def forms_of(
-    chain: Callable[[float], Process], kernel: Flags, tried: Sequence[Pieces], step: Array, split: Split
-) -> Forms:
+def forms_over(
+    chain: Callable[[float], Process], kernel: Flags, step: Array
+) -> Callable[[Sequence[Pieces], Split], Forms]:
     """All that a load does over the steps of a clock (step,) s, and over parts of them, in pieces tried.
 
-    chain: of a load of size one, by a factor on its rate; kernel (state,): which states its kernel has.
+    chain: of a load of size one, by a factor on its rate; kernel (state,): which states its kernel has. What
+    it does over whole steps is worked out once for each of the last few factors.
     """
-    hastes, haste = np.unique(np.concatenate([one.haste for one in tried]), return_inverse=True)
-    each = [chain(float(one)) for one in hastes]
-    A, Qc, P0 = (np.stack([getattr(one, name) for one in each]) for name in ("A", "Qc", "P0"))
     lengths, length = np.unique(np.round(step, 12), return_inverse=True)
-    parts, part = np.unique(haste[split.inside] + 1j * np.round(split.length, 12), return_inverse=True)
-    which, short = parts.real.astype(int), parts.imag
-    alone = np.where(kernel[:, None] & kernel, Qc, 0.0)
 
-    def over_all(Qc: Array) -> tuple[Array, Array]:
-        whole = discretize_steps(Process(A, Qc, P0, each[0].output), lengths)
+    def acting(load: Process, over: Array) -> tuple[Array, Array, Array]:
+        F, Q = discretize_steps(load, over)
+        alone = np.where(kernel[:, None] & kernel, load.Qc, 0.0)
+        rest = np.array_equal(alone, load.Qc)
+        return F, Q, Q if rest else discretize_steps(replace(load, Qc=alone), over)[1]
+
+    @lru_cache(HASTES_HELD)
+    def whole(haste: float) -> tuple[Process, tuple[Array, Array, Array]]:
+        load = chain(haste)
+        return load, acting(load, lengths)
+
+    def forms(tried: Sequence[Pieces], split: Split) -> Forms:
+        hastes, haste = np.unique(np.concatenate([one.haste for one in tried]), return_inverse=True)
+        parts, part = np.unique(haste[split.inside] + 1j * np.round(split.length, 12), return_inverse=True)
+        which, short = parts.real.astype(int), parts.imag
+        each = [whole(float(one)) for one in hastes]
         # parts stand in the order of the hastes that they have
-        cut = [
-            discretize_steps(Process(A[k], Qc[k], P0, each[0].output), short[which == k])
-            for k in np.unique(which)
-        ]
-        F, Q = (
-            np.concatenate([one.swapaxes(0, 1).reshape(-1, *one.shape[2:]), *some])
-            for one, *some in zip(whole, *cut, strict=True)
-        )
-        return F, Q
+        cut = [acting(each[k][0], short[which == k]) for k in np.unique(which)]
+        F, Q, own = (np.concatenate(some) for some in zip(*(found for _, found in each), *cut, strict=True))
+        of_step = np.arange(len(hastes) * len(lengths)).reshape(len(hastes), -1)
+        duration = np.concatenate([np.tile(lengths, len(hastes)), short])
+        P0 = np.stack([load.P0 for load, _ in each])
+        return Forms(F, Q, own, P0, duration, of_step, length, of_step.size + part, haste)
 
-    F, Q = over_all(Qc)
-    own = Q.copy() if np.array_equal(alone, Qc) else over_all(alone)[1]
-    whole = np.arange(len(hastes) * len(lengths))
-    duration = np.append(lengths[whole % len(lengths)], short)
-    of_step = whole.reshape(len(hastes), -1)
-    return Forms(F, Q, own, P0, duration, of_step, length, len(whole) + part, haste)
+    return forms
 
 
 def drawn(

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from forceid.flight.channels import (
     Start,
     driven,
-    driven_in_pieces,
+    in_pieces,
     load_chain,
     runs_of,
     search_box,
@@ -93,7 +93,7 @@ def tune_loads(
             if pieces is None:
                 model = driven(chain(1.0), *seen, np.diff(t), color)
             else:
-                model = driven_in_pieces(chain, *seen, t, order, [pieces.of(axis)], color)
+                model = in_pieces(chain, *seen, t, order, color)([pieces.of(axis)])
             total += likelihood(model, y[:, axis, None], OUTLIER)
         return total.reshape(shape)
 

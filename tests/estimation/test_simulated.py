@@ -76,6 +76,13 @@ def test_what_shows_no_pose_or_another_point_is_refused(tmp_path):
         fly_again(replace(e, moment_about="n1"))
     with pytest.raises(EstimationError, match="too far off to be flown again"):
         fly_again(replace(e, force=zeros + 1e308, mass=0.1))
+    jump = np.where(np.arange(20)[:, None] == 9, 1e308, zeros)  # itself a number, its slope none
+    with pytest.raises(EstimationError, match="too far off to be flown again"):
+        fly_again(replace(e, moment=jump))
+    with pytest.raises(EstimationError, match="too far off to be flown again"):
+        fly_again(replace(e, angular_velocity=zeros * np.nan))
+    with pytest.raises(EstimationError, match=r"turns by 1.73e\+300 rad/s"):
+        fly_again(replace(e, angular_velocity=jump / 1e8))
 
 
 def test_the_command_writes_the_motion_that_a_result_produces(tmp_path, capsys):

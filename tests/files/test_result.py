@@ -58,6 +58,13 @@ def test_xarray_and_netcdf4_open_every_group_of_a_result(tmp_path):
         assert d["estimate"]["wrench_cov"].dimensions == ("time", "wrench", "wrench_2")
 
 
+def test_a_result_whose_clock_goes_back_is_refused(tmp_path):
+    result = estimate()
+    write_result(tmp_path / "a.h5", replace(result, time=result.time[::-1]))
+    with pytest.raises(DataError, match=r"/estimate/time goes from .* expected strictly increasing"):
+        read_result(tmp_path / "a.h5")
+
+
 def test_a_motion_file_is_no_result(tmp_path):
     write_motion(tmp_path / "a.h5", markers())
     with pytest.raises(DataError, match=r"a\.h5:/estimate is missing.*`forceid estimate`"):

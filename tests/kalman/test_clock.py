@@ -116,3 +116,15 @@ def test_two_structures_of_a_hundred_modes_are_two_parts():
     A = np.kron(np.eye(2), np.ones((200, 200)))
     parts = driven_apart(A, 0 * A)
     assert [own.tolist() for own in parts] == [list(range(200)), list(range(200, 400))]
+
+
+def test_models_that_differ_by_their_power_alone_keep_it():
+    rng = np.random.default_rng(8)
+    step, std, rate = rng.uniform(0.01, 0.02, 60), rng.uniform(0.1, 9.0, (3, 4)), np.array([1.0, 3.0, 9.0])
+    std[1, 2] = 0.0
+    load = matern(3, std, np.repeat(rate[:, None], 4, 1))
+    F, Q = discretize_steps(load, step)
+    for at in np.ndindex(3, 4):
+        f, q = discretize(matern(3, std[at], rate[at[0]]), step)
+        np.testing.assert_allclose(F[(slice(None), *at)], f, rtol=1e-11, atol=1e-13 * np.abs(f).max())
+        np.testing.assert_allclose(Q[(slice(None), *at)], q, rtol=1e-11, atol=1e-13 * np.abs(q).max())

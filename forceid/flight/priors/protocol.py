@@ -18,7 +18,7 @@ import numpy as np
 
 from forceid.flight.channels import MEAN, Channel, Start, load_chain
 from forceid.flight.color import root_of
-from forceid.flight.pieces import Pieces, drawn, forms_of, split_in_a_row
+from forceid.flight.pieces import Pieces, drawn, forms_over, split_in_a_row
 from forceid.flight.priors.body_fixed import Turning, fix_to_body
 from forceid.flight.priors.lines import add_lines, line_rate, line_rows
 from forceid.kalman.building.clock import discretize_steps
@@ -194,7 +194,7 @@ class LoadPrior:
         else:
             at, unique, which = np.arange(n // 3), step, np.arange(len(step))
             split = split_in_a_row([pieces], step, begin)
-            forms = forms_of(chain, at > MEAN, [pieces], step, split)
+            forms = forms_over(chain, at > MEAN, step)([pieces], split)
             of_states = np.repeat(pieces.size[..., None], len(at), -1)
             F, Q, kind, P0 = drawn(forms, of_states, (at == MEAN, at > MEAN), split)
             F, Q, P0 = interleave(F)[kind[0]], interleave(Q)[kind[0]], interleave(P0[0])

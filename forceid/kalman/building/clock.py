@@ -21,17 +21,18 @@ def discretize_steps(process: Diffusion, step: Array) -> tuple[Array, Array]:
 
     process: A, Qc (..., state, state). As exact as `discretize`, for many steps at once: a clock with jitter
     has as many as frames. What drives the same integrals by itself, as a load and each of its lines do, goes
-    by itself, and once where all models have it alike.
+    by itself, and models that have it alike share it.
     """
     A, Qc = np.broadcast_arrays(process.A, process.Qc)
-    several = A.shape[-1] > ONE_LOAD or len(step) > ITERATIONS
-    parts = driven_apart(A, Qc) if several else []
-    if len(parts) < 2:
+    if A.shape[-1] <= ONE_LOAD and len(step) <= ITERATIONS:
         return over_a_clock(A, Qc, step)
+    parts = driven_apart(A, Qc)
+    if len(parts) < 2:
+        return each_kind_once(A, Qc, step)
     F, Q = (np.zeros((len(step), *A.shape), a.dtype) for a in (A, Qc))
     for own in parts:
         among = (..., own[:, None], own)
-        F_own, Q_own = over_a_clock(of_one(A[among]), of_one(Qc[among]), step)
+        F_own, Q_own = each_kind_once(A[among], Qc[among], step)
         for (at, rows), (to, columns) in product(in_a_row(own), repeat=2):
             F[..., at, to] = F_own[..., rows, columns]
             if Q_own[..., rows, columns].any():
@@ -70,10 +71,16 @@ def driven_apart(A: Array, Qc: Array) -> list[Indices]:
     return [np.flatnonzero(own) for own in by.T]
 
 
-def of_one(a: Array) -> Array:
-    """Matrices (..., state, state) of many models, or (..., 1, state, state) of one where all are alike."""
-    one = a[(slice(0, 1),) * (a.ndim - 2)]
-    return one if (a == one).all() else a
+def each_kind_once(A: Array, Qc: Array, step: Array) -> tuple[Array, Array]:
+    """The same, with models (..., state, state) that differ by the power of their noise alone as one."""
+    lead, n = A.shape[:-2], A.shape[-1]
+    power = np.abs(Qc).max((-2, -1), keepdims=True, initial=0.0)
+    unit = Qc / np.where(power > 0, power, 1.0)
+    both = np.concatenate([A, unit], -2).reshape(-1, 2 * n * n)
+    _, first, kind = np.unique(both, axis=0, return_index=True, return_inverse=True)
+    found = over_a_clock(A.reshape(-1, n, n)[first], unit.reshape(-1, n, n)[first], step)
+    F, Q = (a[:, kind.ravel()].reshape(-1, *lead, n, n) for a in found)
+    return F, Q * power
 
 
 def over_a_clock(A: Array, Qc: Array, step: Array) -> tuple[Array, Array]:

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
 from forceid.estimation.loads.pieces.cells import Cells, load_in
-from forceid.flight.channels import Channel, driven_in_pieces, load_chain
+from forceid.flight.channels import Channel, in_pieces, load_chain
 from forceid.flight.pieces import Pieces
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior
@@ -80,12 +80,11 @@ class Evidence:
         drift = np.einsum("ai,ab,bi->i", axes, ch.drift, axes)
         lines = along_axes(line.along(axes) for line in prior.lines)
 
-        @lru_cache(None)
         def chain(haste: float) -> Process:
             return load_chain(matern(kernel.order, kernel.std, haste * kernel.rate), prior.start, lines)
 
         seen = ch.gain, ch.var(axes) * noise, drift * noise, ch.time, kernel.order
-        return lambda tried: driven_in_pieces(chain, *seen, tried, ch.color)
+        return in_pieces(chain, *seen, ch.color)
 
     def of(self, pieces: Pieces) -> float:
         """Log-likelihood less cost."""
