@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.files.checks.clock import check_clock
 from forceid.files.parse import Stored, labels, read_gravity, read_variables, real_attr, text
 from forceid.files.schema import (
     AERO,
@@ -35,6 +34,7 @@ from forceid.files.schema import (
 from forceid.files.stored.hdf5 import open_hdf5, source_group
 from forceid.files.stored.links import holds
 from forceid.files.stored.netcdf import write_groups
+from forceid.files.validate import checked_series
 from forceid.records import (
     Aero,
     Array,
@@ -76,7 +76,7 @@ def read_result(path: str | Path) -> Estimate:
         if not holds(f, "estimate", f"{path}:"):
             raise DataError("is missing, expected in a result file", where, "run `forceid estimate` first")
         group = source_group(f, "estimate", ESTIMATE | HIDDEN | MODAL | IMPULSE, f"{path}:")
-        values, _ = read_variables(group, ESTIMATE, dict(_SIZES), where)
+        values = checked_series(read_variables(group, ESTIMATE, dict(_SIZES), where)[0], where)
         parts: dict[str, Any] = {}
         for (part, table), record in zip(PARTS.items(), (HiddenLoad, ModalForces, Impulses), strict=True):
             found, _ = read_variables(group, table, dict(_SIZES), where)
@@ -84,7 +84,6 @@ def read_result(path: str | Path) -> Estimate:
         needed = (*ESTIMATE, *ESTIMATE_ATTRS, "verdict", "reasons")
         check_whole({*values, *group.attrs, *_OPTIONAL}, needed, where)
         node = labels(group, "node")
-        check_clock(values["time"], f"{where}/time")
         n = len(values["time"])
         parts |= {
             name: read(f, n, path) if holds(f, found, f"{path}:") else None
@@ -166,7 +165,8 @@ def read_part(
     group = source_group(file, name, (*table, *filter(None, [dim])), f"{path}:")
     names = labels(group, dim)
     sizes = {**_SIZES, "time": samples, "pose": 6, "coefficient": 6} | ({dim: len(names)} if dim else {})
-    return group, read_variables(group, table, sizes, f"{path}:/{name}")[0], names
+    where = f"{path}:/{name}"
+    return group, checked_series(read_variables(group, table, sizes, where)[0], where), names
 
 
 def check_whole(found: Collection[str], needed: Iterable[str], where: str) -> None:

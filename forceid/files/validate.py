@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from forceid.errors import DataError
@@ -94,6 +96,15 @@ def check_motion(motion: Motion, body: Body, where: str) -> None:
     if motion.orientation is not None:
         check_quaternions(motion.orientation, f"{where}/orientation")
     check_sensors(motion, body, where)
+
+
+def checked_series(values: dict[str, Any], where: str) -> dict[str, Any]:
+    """Series of a result, by name, whose clock goes on and whose rotations are some."""
+    if "time" in values:
+        check_clock(values["time"], f"{where}/time")
+    if "orientation" in values:
+        check_quaternions(values["orientation"], f"{where}/orientation")
+    return values
 
 
 def check_known_loads(known: KnownLoads, time: Array, where: str) -> None:

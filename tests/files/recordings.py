@@ -1,6 +1,7 @@
 """Small recordings that the tests of the files share."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from forceid.records import Body, Estimate, Finding, Loads, ModalForces, Motion, Recording, Verdict
 
@@ -73,7 +74,7 @@ def estimate(n=20, nodes=4, modes=2, loads=True, seed=2):
         wrench_cov=A @ A.swapaxes(1, 2),
         center=r(n, 3),
         velocity=r(n, 3),
-        orientation=r(n, 4),
+        orientation=Rotation.random(n, random_state=rng).as_quat(),
         angular_velocity=r(n, 3),
         angular_momentum=r(n, 3),
         deformation=r(n, nodes, 3),

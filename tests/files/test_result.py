@@ -65,6 +65,13 @@ def test_a_result_whose_clock_goes_back_is_refused(tmp_path):
         read_result(tmp_path / "a.h5")
 
 
+def test_a_result_with_rotations_that_are_none_is_refused(tmp_path):
+    result = estimate()
+    write_result(tmp_path / "a.h5", replace(result, orientation=1e300 * result.orientation))
+    with pytest.raises(DataError, match=r"/estimate/orientation has .* quaternions off unit norm"):
+        read_result(tmp_path / "a.h5")
+
+
 def test_a_motion_file_is_no_result(tmp_path):
     write_motion(tmp_path / "a.h5", markers())
     with pytest.raises(DataError, match=r"a\.h5:/estimate is missing.*`forceid estimate`"):

@@ -86,7 +86,7 @@ def check_definite(matrix: Array, meaning: str, where: str) -> None:
 
 def check_quaternions(q: Array, where: str) -> None:
     """Norms within 1 % of one; NaN is a gap."""
-    norm = np.linalg.norm(q, axis=-1)
+    norm = np.hypot.reduce(q, axis=-1)  # of any numbers
     far = np.abs(norm - 1) > 0.01
     if far.any():
         k = int(np.argmax(far))
