@@ -309,6 +309,9 @@ class Settings(Section):
         return self
 
 
+OF_OTHERS = ("import", "law", "strips", "ground", "choose", "keep")  # one file may serve all commands
+
+
 def load_settings(path: str | Path | None = None, **overrides: Any) -> Settings:
     """Settings from a TOML file, then from keyword overrides (those that are None are ignored).
 
@@ -319,7 +322,7 @@ def load_settings(path: str | Path | None = None, **overrides: Any) -> Settings:
     forceid.errors.ConfigError: settings: unknown key 'metod'; did you mean 'method'?
     """
     table = read_toml(path) if path is not None else {}
-    table.pop("import", None)  # one file may serve `forceid import` and `forceid estimate`
+    table = {k: v for k, v in table.items() if k not in OF_OTHERS}
     table |= {k: v for k, v in overrides.items() if v is not None}
     return validate(Settings, table, str(path) if path is not None else "settings:")
 

@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forceid.config import LoadSetting, Settings, key_paths, load_settings, to_toml, validate
+from forceid.config import LoadSetting, Settings, key_paths, load_settings, read_toml, to_toml, validate
 from forceid.errors import ConfigError
 from forceid.import_settings import ImportSettings, load_import_settings
+from forceid.laws import law_setting
 
 CONFIG = Path(__file__).parents[1] / "config"
 
@@ -109,6 +110,13 @@ def test_the_key_that_is_meant_is_one_that_may_stand_there_or_comes_with_its_tab
 def test_a_configuration_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(ConfigError, match=r"no\.toml cannot be read"):
         load_settings(tmp_path / "no.toml")
+
+
+def test_one_file_serves_import_estimate_and_coefficients(tmp_path):
+    text = '[import]\ntitle = "a"\n[law]\ndrag = ["1"]\n[aero]\narea = 0.1\n'
+    (tmp_path / "a.toml").write_text(text)
+    assert load_settings(tmp_path / "a.toml").aero.area == 0.1
+    assert law_setting(read_toml(tmp_path / "a.toml"), "a.toml").law == {"drag": ("1",)}
 
 
 def test_overrides_that_are_none_leave_the_file_alone(tmp_path):

@@ -18,9 +18,7 @@ from forceid.kalman.building.clock import discretize_steps
 from forceid.kalman.building.process import Process
 from forceid.records import Array, Flags, Indices
 
-HASTES_HELD = (
-    8  # factors on a rate: as many as two axes of four pieces; of 1500 uneven steps each takes 10 MB
-)
+HASTES_HELD = 8  # factors on a rate that pieces have: of 1500 uneven steps each takes 10 MB
 CLOCK = 1e-9  # s: clocks are no finer, so that an edge as near to a sample as that lies at it
 
 

@@ -183,4 +183,4 @@ def ground_below(setting: LawSetting, where: str) -> Ground:
 
 def law_setting(table: Mapping[str, Any], where: str) -> LawSetting:
     """The settings of a fit, checked; a ConfigError names the key."""
-    return validate(LawSetting, dict(table), where)
+    return validate(LawSetting, {k: v for k, v in table.items() if k != "import"}, where)

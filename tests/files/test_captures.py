@@ -239,6 +239,19 @@ def test_init_finds_the_columns_of_a_plain_table(tmp_path, capsys):
     assert capsys.readouterr().out == text
 
 
+@pytest.mark.parametrize(("between", "names"), [(" ", "ab"), ("_", ("acc1", "acc2"))])
+def test_init_takes_what_reads_the_weight_for_accelerometers(tmp_path, between, names):
+    weight = 0.0 if names[0].startswith("acc") else 9.6
+    heads = ["time", *(f"{n}{between}{a}" for n in names for a in "xyz")]
+    rows = [[k / 100, *(v for _ in names for v in (0.1 * k % 3, 0.2, weight))] for k in range(30)]
+    table = "\n".join([",".join(heads), *(",".join(map(str, row)) for row in rows)])
+    (tmp_path / "a.csv").write_text(table)
+    text = settings_for([tmp_path / "a.csv"])
+    assert f'specific_force = "{{name}}{between}{{axis}}"' in text
+    places = tomllib.loads(text)["import"]["body"]["sensor_position"]
+    assert set(places) == set(names)
+
+
 def test_init_lists_the_channels_of_a_file_of_channels(tmp_path):
     text = settings_for([captures.sto(tmp_path / "a.sto", Throw(), triples=False)])
     assert 'position = "{name}_{axis}"' in text

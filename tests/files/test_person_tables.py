@@ -12,6 +12,7 @@ from forceid.files.formats.bodies.marker_sets import marker_set
 from forceid.files.formats.bodies.person import PREFIX
 from forceid.files.formats.bodies.tables import table_joints, table_segments, tables
 from forceid.files.formats.sources import import_sources, settings_for
+from forceid.files.stored.hdf5 import read_motion, write_motion
 from forceid.import_settings import ImportSettings, load_import_settings
 
 MASS, HEIGHT = 72.0, 1.76
@@ -218,6 +219,8 @@ def test_every_table_takes_every_marker_set(tmp_path, table, markers):
     assert height[2] == pytest.approx(0.56 * HEIGHT, abs=0.05)  # of who stands: 55 to 57 % of the height
     assert abs(height[1]) < 1e-9
     assert bool(made.body.joint) == (markers is rajagopal)  # the others have two markers on most segments
+    write_motion(tmp_path / "a.h5", made)
+    assert read_motion(tmp_path / "a.h5").body.marker == made.body.marker
 
 
 def test_a_person_who_is_lifted_is_pushed_as_hard_as_that_takes(tmp_path):

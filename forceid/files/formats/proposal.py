@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.constants import g as standard_gravity
 
 from forceid.errors import ConfigError
 from forceid.files.formats.bodies.marker_sets import marker_set
@@ -20,6 +21,7 @@ from forceid.files.formats.logs.table import LOGS, log_of
 POINT = re.compile(r"(?P<name>.+?)(?P<between>[ _.:\-/]?)(?P<axis>[xyzXYZ])")
 TURN = re.compile(r"(?:.*[ _.:\-/])?(?:q|quat_?|rot_?|orientation[_.]?)(?P<axis>[xyzwXYZW])")
 CLOCK = re.compile(r"(?:t|time|timestamp|seconds)(?:[ _(\[].*)?", re.I)
+OFFSET = 0.1  # of the weight: accelerometers of phones read as much amiss (data sheets: 50 to 100 mg)
 SHOWN = 12  # names in a comment, or masses in a line
 GRAVITY = {"z": "[0.0, 0.0, -9.81]", "y": "[0.0, -9.81, 0.0]"}
 
@@ -152,6 +154,7 @@ def of_channels(channels: Channels, table: str) -> list[str]:
     turn = {m["axis"].lower(): n for n in names if (m := TURN.fullmatch(n))}
     points = triples([name for name in names if name not in turn.values()])
     pose = len(turn) == 4 and len(points) == 1
+    weighed = bool(points) and not pose and read_weight(channels, points)
     used = {time, *(name for triple in points.values() for name in triple)}
     used |= set(turn.values()) if pose else set()
     if time is not None:
@@ -162,15 +165,29 @@ def of_channels(channels: Channels, table: str) -> list[str]:
         lines += [f"center = {json.dumps(next(iter(points.values())))}"]
         lines += [f"orientation = {json.dumps([turn[axis] for axis in 'xyzw'])}  # body to world"]
     elif points:
-        lines += positions(points)
+        lines += patterned("specific_force" if weighed else "position", points)
     else:
         lines += SENSORS
     if channels.unit is None:
-        lines.append('# units.position = "mm"  # of a variable, where it is not in SI')
+        unit = 'specific_force = "g"' if weighed else 'position = "mm"'
+        lines.append(f"# units.{unit}  # of a variable, where it is not in SI")
     rest = [name for name in names if name not in used]
     lines += [f"# not used: {described(channels, name)}" for name in rest[:SHOWN]]
     lines += [f"# and {len(rest) - SHOWN} more"] if len(rest) > SHOWN else []
+    if weighed:
+        places = [f"{key(name)} = [nan, nan, nan]" for name in points]
+        return [*lines, "", *rigid(), f"sensor_position = {{ {', '.join(places)} }}  # m, in the same axes"]
     return [*lines, "", *(rigid() if pose or not points else masses([*points]))]
+
+
+def read_weight(channels: Channels, points: Mapping[str, Sequence[str]]) -> bool:
+    """Whether triples are accelerometers: so their names say, or all read the weight, as no place does."""
+    if all("acc" in name.lower() for name in points):
+        return True
+    means = [
+        [np.nanmean(np.asarray(channels.values[one], float)) for one in axes] for axes in points.values()
+    ]
+    return bool(np.all(np.abs(np.linalg.norm(means, axis=1) / standard_gravity - 1) < OFFSET))
 
 
 SENSORS = (
@@ -189,12 +206,12 @@ def triples(names: Sequence[str]) -> dict[str, list[str]]:
     return {n or "body": [a[axis] for axis in "xyz"] for n, a in found.items() if a.keys() == set("xyz")}
 
 
-def positions(points: Mapping[str, Sequence[str]]) -> list[str]:
-    """The lines of positions: one pattern where one finds them all, else each."""
+def patterned(variable: str, points: Mapping[str, Sequence[str]]) -> list[str]:
+    """The lines of a variable of points: one pattern where one finds them all, else each."""
     for between in ("", " ", "_", ".", ":", "-", "/"):
         if all(names[0].lower() == f"{name}{between}x".lower() for name, names in points.items()):
-            return [f'position = "{{name}}{between}{{axis}}"  # {", ".join([*points][:SHOWN])}']
-    return [f"position.{key(name)} = {json.dumps(list(names))}" for name, names in points.items()]
+            return [f'{variable} = "{{name}}{between}{{axis}}"  # {", ".join([*points][:SHOWN])}']
+    return [f"{variable}.{key(name)} = {json.dumps(list(names))}" for name, names in points.items()]
 
 
 def described(channels: Channels, name: str) -> str:

@@ -157,6 +157,8 @@ def marker_clusters(
                       for side in setting.segments])  # fmt: skip
         at = [known_name(marker, name, f"[import.joint.{joint}]") for marker in setting.markers]
         places.append(np.array(list(setting.markers.values())) @ shape[at])
+    if not sides:  # segments that meet nowhere tell nothing of each other
+        return {}
     return {
         "marker": name, "marker_weight": np.stack(list(points.values())),
         "marker_segment": owner, "marker_shape": shape,
