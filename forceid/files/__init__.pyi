@@ -1,10 +1,10 @@
 from forceid.files.exports import FORMATS as FORMATS
 from forceid.files.exports import export as export
-from forceid.files.formats.frame_lines import frames_from_lines as frames_from_lines
-from forceid.files.formats.frame_lines import growing_lines as growing_lines
 from forceid.files.formats.sources import import_sources as import_sources
 from forceid.files.formats.sources import load_import_settings as load_import_settings
 from forceid.files.formats.sources import settings_for as settings_for
+from forceid.files.frame_lines import frames_from_lines as frames_from_lines
+from forceid.files.frame_lines import growing_lines as growing_lines
 from forceid.files.result import is_result as is_result
 from forceid.files.result import read_curves as read_curves
 from forceid.files.result import read_result as read_result

@@ -1,4 +1,5 @@
 import sys
+import tomllib
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from laboratory import (
 )
 
 from forceid.errors import ConfigError, DataError
+from forceid.files.formats.sources import settings_for
 from forceid.files.formats.uff import read_uff
 
 MASS = {"mass": dict.fromkeys("1234", 0.02)}
@@ -64,6 +66,16 @@ def test_positions_and_accelerations_of_one_node_do_not_clash(tmp_path):
     motion = brought(path, table, body=MASS).motion
     assert motion.position.shape == (40, 4, 3)
     assert np.allclose(motion.specific_force[:, 0], SPECIFIC_FORCE, rtol=1e-9)
+
+
+def test_init_tells_displacements_from_accelerations_and_leaves_out_what_the_file_knows(tmp_path):
+    more = [response(n, d + 1, SPECIFIC_FORCE[:, d], 12, "m/s^2") for n in (1, 2) for d in range(3)]
+    path = write_uff(tmp_path / "a.uff", [units(1.0), nodes(), *displacements(), *more])
+    text = settings_for([path])
+    proposed = tomllib.loads(text.replace("nan", "0.02"))["import"]
+    assert proposed["channels"] == PATTERN | {"specific_force": "acceleration.{name}{axis}"}
+    assert proposed["body"] == MASS  # places of nodes and sensors are those of the file
+    assert brought(path, **{k: proposed[k] for k in ("channels", "body")}).motion.position.shape == (40, 4, 3)
 
 
 def spectra():

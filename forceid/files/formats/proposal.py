@@ -8,21 +8,18 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.constants import g as standard_gravity
 
 from forceid.errors import ConfigError
 from forceid.files.formats.bodies.marker_sets import marker_set
 from forceid.files.formats.captures.capture import Capture
 from forceid.files.formats.captures.table import FORMATS, Format, format_of
 from forceid.files.formats.channels import Channels, shape_of
+from forceid.files.formats.columns import SHOWN, key, named, patterned, variables_of
 from forceid.files.formats.csv import CsvTable, read_csv
 from forceid.files.formats.logs.table import LOGS, log_of
 
-POINT = re.compile(r"(?P<name>.+?)(?P<between>[ _.:\-/]?)(?P<axis>[xyzXYZ])")
 TURN = re.compile(r"(?:.*[ _.:\-/])?(?:q|quat_?|rot_?|orientation[_.]?)(?P<axis>[xyzwXYZW])")
 CLOCK = re.compile(r"(?:t|time|timestamp|seconds)(?:[ _(\[].*)?", re.I)
-OFFSET = 0.1  # of the weight: accelerometers of phones read as much amiss (data sheets: 50 to 100 mg)
-SHOWN = 12  # names in a comment, or masses in a line
 GRAVITY = {"z": "[0.0, 0.0, -9.81]", "y": "[0.0, -9.81, 0.0]"}
 
 
@@ -147,47 +144,38 @@ def rigid() -> list[str]:
 
 
 def of_channels(channels: Channels, table: str) -> list[str]:
-    """The settings of named columns or channels: those that read as places, turns and times."""
+    """The settings of named columns or channels: places, turns, accelerations, times."""
     names = list(channels.values)
     lines = ["[import]", gravity("z"), f"[import.{table}]"]
     time = next((name for name in names if CLOCK.fullmatch(name)), None)
     turn = {m["axis"].lower(): n for n in names if (m := TURN.fullmatch(n))}
-    points = triples([name for name in names if name not in turn.values()])
-    pose = len(turn) == 4 and len(points) == 1
-    weighed = bool(points) and not pose and read_weight(channels, points)
-    used = {time, *(name for triple in points.values() for name in triple)}
+    read = variables_of(channels, [name for name in names if name not in turn.values()])
+    places, sensors = read.get("displacement") or read.get("position") or {}, read.get("specific_force") or {}
+    pose = len(turn) == 4 and len(places) == 1 and not sensors
+    used = {time, *(name for points in read.values() for axes in points.values() for name in axes)}
     used |= set(turn.values()) if pose else set()
     if time is not None:
         lines.append(f"time = {json.dumps(time)}")
     elif not channels.time:
         lines.append("rate = nan  # Hz; or time, the name of the one that holds the times")
     if pose:
-        lines += [f"center = {json.dumps(next(iter(points.values())))}"]
+        lines += [f"center = {json.dumps(next(iter(places.values())))}"]
         lines += [f"orientation = {json.dumps([turn[axis] for axis in 'xyzw'])}  # body to world"]
-    elif points:
-        lines += patterned("specific_force" if weighed else "position", points)
     else:
+        lines += [line for variable, points in read.items() for line in patterned(variable, points)]
+    if not read:
         lines += SENSORS
     if channels.unit is None:
-        unit = 'specific_force = "g"' if weighed else 'position = "mm"'
+        unit = 'position = "mm"' if places else 'specific_force = "g"'
         lines.append(f"# units.{unit}  # of a variable, where it is not in SI")
     rest = [name for name in names if name not in used]
     lines += [f"# not used: {described(channels, name)}" for name in rest[:SHOWN]]
     lines += [f"# and {len(rest) - SHOWN} more"] if len(rest) > SHOWN else []
-    if weighed:
-        places = [f"{key(name)} = [nan, nan, nan]" for name in points]
-        return [*lines, "", *rigid(), f"sensor_position = {{ {', '.join(places)} }}  # m, in the same axes"]
-    return [*lines, "", *(rigid() if pose or not points else masses([*points]))]
-
-
-def read_weight(channels: Channels, points: Mapping[str, Sequence[str]]) -> bool:
-    """Whether triples are accelerometers: so their names say, or all read the weight, as no place does."""
-    if all("acc" in name.lower() for name in points):
-        return True
-    means = [
-        [np.nanmean(np.asarray(channels.values[one], float)) for one in axes] for axes in points.values()
-    ]
-    return bool(np.all(np.abs(np.linalg.norm(means, axis=1) / standard_gravity - 1) < OFFSET))
+    of_body = masses(named(places)) if places and not pose else rigid()
+    where = ", ".join(f"{key(name)} = [nan, nan, nan]" for name in named(sensors))
+    if sensors and not channels.geometry.keys() >= set(named(sensors)):
+        of_body.insert(2, f"sensor_position = {{ {where} }}  # m, in the same axes")
+    return [*lines, "", *of_body]
 
 
 SENSORS = (
@@ -197,34 +185,12 @@ SENSORS = (
 )
 
 
-def triples(names: Sequence[str]) -> dict[str, list[str]]:
-    """The names of x, y and z of every point that has all three."""
-    found: dict[str, dict[str, str]] = {}
-    for name in names:
-        if match := POINT.fullmatch(name) or re.fullmatch(r"(?P<name>)(?P<between>)(?P<axis>[xyzXYZ])", name):
-            found.setdefault(match["name"], {})[match["axis"].lower()] = name
-    return {n or "body": [a[axis] for axis in "xyz"] for n, a in found.items() if a.keys() == set("xyz")}
-
-
-def patterned(variable: str, points: Mapping[str, Sequence[str]]) -> list[str]:
-    """The lines of a variable of points: one pattern where one finds them all, else each."""
-    for between in ("", " ", "_", ".", ":", "-", "/"):
-        if all(names[0].lower() == f"{name}{between}x".lower() for name, names in points.items()):
-            return [f'{variable} = "{{name}}{between}{{axis}}"  # {", ".join([*points][:SHOWN])}']
-    return [f"{variable}.{key(name)} = {json.dumps(list(names))}" for name, names in points.items()]
-
-
 def described(channels: Channels, name: str) -> str:
     """A channel in words: its name, and where it is no plain column its size and unit."""
     unit = (channels.unit or {}).get(name, "")
     if isinstance(channels.values, CsvTable):
         return name
     return f"{name}, {shape_of(np.asarray(channels.values[name]))}{f', {unit}' if unit else ''}"
-
-
-def key(name: str) -> str:
-    """A key of TOML."""
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
 
 
 def likely_delimiter(path: Path) -> str:
