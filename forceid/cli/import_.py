@@ -70,7 +70,7 @@ def run(
 
     inputs = [*sources, *([config] if config else [])]
     if init:
-        text = settings_for(sources)
+        text = settings_for(sources, output.name if output else "")
         if output is None:
             tell(text.rstrip("\n"))
         else:

@@ -239,6 +239,27 @@ def test_init_finds_the_columns_of_a_plain_table(tmp_path, capsys):
     assert capsys.readouterr().out == text
 
 
+@pytest.mark.parametrize(
+    ("heads", "said"),
+    [
+        ("t_s,x_mm,y_mm,z_mm,qx,qy,qz,qw", {"center": ["x_mm", "y_mm", "z_mm"], "units": {"center": "mm"}}),
+        (
+            "t (s),hip x (cm),hip y (cm),hip z (cm)",
+            {"position": "{name} {axis} (cm)", "units": {"position": "cm"}},
+        ),
+        ("t,hip x (left),hip y (left),hip z (left)", {"position": "{name} {axis} (left)"}),
+        ("t,ax (g),ay (g),az (g)", {"specific_force": "{name}{axis} (g)", "units": {"specific_force": "g"}}),
+    ],
+)
+def test_init_takes_the_units_that_columns_name(tmp_path, heads, said):
+    rows = [",".join([str(k), *["0.5"] * heads.count(",")]) for k in range(4)]
+    (tmp_path / "a.csv").write_text("\n".join([heads, *rows]))
+    found = tomllib.loads(settings_for([tmp_path / "a.csv"]))["import"]["csv"]
+    assert found["time"] == heads.partition(",")[0]
+    assert {name: found[name] for name in said} == said
+    assert ("units" in found) == ("units" in said)
+
+
 @pytest.mark.parametrize(("between", "names"), [(" ", "ab"), ("_", ("acc1", "acc2"))])
 def test_init_takes_what_reads_the_weight_for_accelerometers(tmp_path, between, names):
     weight = 0.0 if names[0].startswith("acc") else 9.6

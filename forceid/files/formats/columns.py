@@ -13,7 +13,11 @@ from forceid.errors import DataError
 from forceid.files.formats.channels import Channels
 from forceid.files.units import si_factor
 
-POINT = re.compile(r"(?P<name>.+?)(?P<between>[ _.:\-/]?)(?P<axis>[xyzXYZ])")
+POINT = re.compile(
+    r"(?P<name>.*?)(?P<between>[ _.:\-/]?)(?P<axis>[xyz])"
+    r"(?P<end>[ _]?[(\[][^()\[\]]+[)\]]|[ _](?:mm|cm|m|g))?",
+    re.IGNORECASE,
+)  # of hip_x, hip x (mm), x_m
 OFFSET = 0.1  # of the weight: accelerometers of phones read as much amiss (data sheets: 50 to 100 mg)
 SHOWN = 12  # names in a comment, or masses in a line
 
@@ -22,9 +26,19 @@ def triples(names: Sequence[str]) -> dict[str, list[str]]:
     """The names of x, y and z of every point that has all three."""
     found: dict[str, dict[str, str]] = {}
     for name in names:
-        if match := POINT.fullmatch(name) or re.fullmatch(r"(?P<name>)(?P<between>)(?P<axis>[xyzXYZ])", name):
+        if match := POINT.fullmatch(name):
             found.setdefault(match["name"], {})[match["axis"].lower()] = name
     return {n or "body": [a[axis] for axis in "xyz"] for n, a in found.items() if a.keys() == set("xyz")}
+
+
+def unit_in(name: str) -> str:
+    """The unit that a name ends with, as hip_x_mm and ax (g); none where it names none.
+
+    >>> unit_in("hip_x_mm"), unit_in("ax (m/s^2)"), unit_in("hip x")
+    ('mm', 'm/s^2', '')
+    """
+    match = POINT.fullmatch(name)
+    return "" if match is None or match["end"] is None else match["end"].strip(" _()[]")
 
 
 def common_path(names: Sequence[str]) -> str:
@@ -46,10 +60,10 @@ def variables_of(channels: Channels, names: Sequence[str]) -> dict[str, dict[str
     """
     found: dict[str, dict[str, list[str]]] = {}
     for point, axes in triples(names).items():
-        unit = (channels.unit or {}).get(axes[0], "")
+        unit = (channels.unit or {}).get(axes[0], "") or unit_in(axes[0])
         if point.lower().startswith("velocity"):
             continue
-        told = is_acceleration(unit) if unit else "acc" in axes[0].lower()
+        told = converts(unit, "m s-2") if unit else "acc" in axes[0].lower()
         place = "displacement" if point.lower().startswith("displacement.") else "position"
         found.setdefault("specific_force" if told else place, {})[point] = axes
     if found.keys() == {"position"} and channels.unit is None:
@@ -65,22 +79,32 @@ def named(points: Mapping[str, Sequence[str]]) -> list[str]:
     return [name.removeprefix(common_path([*points])) for name in points]
 
 
-def is_acceleration(unit: str) -> bool:
-    """Whether a unit is one of acceleration."""
+def converts(unit: str, expected: str) -> bool:
+    """Whether a unit is one of what is expected."""
     try:
-        return si_factor(unit, "m s-2") > 0
+        return si_factor(unit, expected) > 0
     except DataError:
         return False
 
 
+def unit_line(variable: str, column: str) -> list[str]:
+    """The line of the unit that a column names; none where it names no unit of the variable."""
+    unit = unit_in(column)
+    told = bool(unit) and converts(unit, "m s-2" if variable == "specific_force" else "m")
+    return [f"units.{variable} = {json.dumps(unit)}"] if told else []
+
+
 def patterned(variable: str, points: Mapping[str, Sequence[str]]) -> list[str]:
-    """The lines of a variable of points: one pattern where one finds them all, else each."""
+    """The lines of a variable of points: one pattern where one finds them all, else each; and its unit."""
     path, short = common_path([*points]), named(points)
-    for between in ("", " ", "_", ".", ":", "-", "/"):
-        if all(axes[0].lower() == f"{name}{between}x".lower() for name, axes in points.items()):
-            return [f'{variable} = "{path}{{name}}{between}{{axis}}"  # {", ".join(short[:SHOWN])}']
-    each = zip(short, points.values(), strict=True)
-    return [f"{variable}.{key(name)} = {json.dumps(list(axes))}" for name, axes in each]
+    first = POINT.fullmatch(next(iter(points.values()))[0])
+    assert first is not None
+    form = f"{path}{{name}}{first['between']}{{axis}}{first['end'] or ''}"
+    each = list(zip(short, points.values(), strict=True))
+    lines = [f"{variable}.{key(name)} = {json.dumps(list(axes))}" for name, axes in each]
+    if all(axes[0].lower() == form.format(name=name, axis="x").lower() for name, axes in each):
+        lines = [f"{variable} = {json.dumps(form)}  # {', '.join(short[:SHOWN])}"]
+    return lines + unit_line(variable, each[0][1][0])
 
 
 def key(name: str) -> str:

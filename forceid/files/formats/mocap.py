@@ -48,8 +48,8 @@ def read_trc(path: str | Path) -> Capture:
     return Capture(names, data[:, 1], factor * data[:, 2:].reshape(len(data), -1, 3))
 
 
-def read_mot(path: str | Path, setting: PlateSetting) -> Plates:
-    """Force plates of an OpenSim MOT file. DataError: cut short, or a column of `setting` is missing."""
+def read_columns(path: str | Path) -> tuple[list[str], Array]:
+    """Names of the columns of a MOT file, and its rows. DataError: cut short, or none."""
     lines = text_lines(path)
     stripped = [line.strip().lower() for line in lines]
     if "endheader" not in stripped:
@@ -62,6 +62,12 @@ def read_mot(path: str | Path, setting: PlateSetting) -> Plates:
     rows = [(n, line.split()) for n, line in enumerate(lines[start + 1 :], start + 2) if line.strip()]
     data = number_rows(rows, len(names), str(path))
     check_count(len(data), head.get("nRows", head.get("datarows", "")), "rows", str(path))
+    return names, data
+
+
+def read_mot(path: str | Path, setting: PlateSetting) -> Plates:
+    """Force plates of an OpenSim MOT file. DataError: cut short, or a column of `setting` is missing."""
+    names, data = read_columns(path)
 
     def column(name: str) -> int:
         if name not in names:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from numpy.typing import NDArray
 from forceid.errors import ConfigError
 from forceid.files.formats.captures.capture import Plates
 from forceid.files.formats.segments import Points, known_name
+from forceid.import_settings import PlateSetting
 from forceid.records import Array, KnownLoads
 
 
@@ -31,6 +34,40 @@ def pair_plates(captures: Sequence[Path], plates: Sequence[Path]) -> dict[Path, 
             )
         pairs[capture] = mot
     return pairs
+
+
+def plate_settings(columns: Sequence[str]) -> str:
+    """The table [import.plates] that finds every plate in the columns of a MOT file, as TOML.
+
+    >>> read = ("force_v", "force_p", "torque_")
+    >>> print(plate_settings([f"{n}_ground_{k}{a}" for n in "12" for k in read for a in "xyz"]).strip())
+    [import.plates]  # {plate} in the names of columns is each of these
+    plate = ["1", "2"]
+    force = "{plate}_ground_force_v"
+    point = "{plate}_ground_force_p"
+    moment = "{plate}_ground_torque_"
+    """
+    bases = [name[:-2] for name in columns if name.lower().endswith("vx")]
+    begin, end = alike(bases), alike([base[::-1] for base in bases])[::-1]
+    begin, end = begin[: begin.rfind("_") + 1], end[end.find("_") :] if "_" in end else ""
+    one = PlateSetting()
+    if len(bases) > 1:
+        plates, pattern = (
+            [base[len(begin) : len(base) - len(end)] for base in bases],
+            f"{begin}{{plate}}{end}",
+        )
+    else:
+        plates, pattern = list(one.plate), bases[0] if bases else one.force[:-1]
+    turned = (pattern + "m", *(pattern.replace("force", word) for word in ("torque", "moment")))
+    moment = next((t for t in turned if t.format(plate=plates[0]) + "x" in columns), one.moment)
+    named = {"force": pattern + "v", "point": pattern + "p", "moment": moment}
+    lines = [f"{what} = {json.dumps(name)}" for what, name in {"plate": plates, **named}.items()]
+    return "\n".join(["", "[import.plates]  # {plate} in the names of columns is each of these", *lines, ""])
+
+
+def alike(names: Sequence[str]) -> str:
+    """What all names begin with."""
+    return "".join(signs[0] for signs in takewhile(lambda of: len(set(of)) == 1, zip(*names, strict=False)))
 
 
 def split_plates(plates: Plates, known: Sequence[str]) -> tuple[Plates | None, KnownLoads | None]:

@@ -14,7 +14,7 @@ from forceid.files.formats.bodies.marker_sets import marker_set
 from forceid.files.formats.captures.capture import Capture
 from forceid.files.formats.captures.table import FORMATS, Format, format_of
 from forceid.files.formats.channels import Channels, shape_of
-from forceid.files.formats.columns import SHOWN, key, named, patterned, variables_of
+from forceid.files.formats.columns import SHOWN, key, named, patterned, unit_line, variables_of
 from forceid.files.formats.csv import CsvTable, read_csv
 from forceid.files.formats.logs.table import LOGS, log_of
 
@@ -23,12 +23,14 @@ CLOCK = re.compile(r"(?:t|time|timestamp|seconds)(?:[ _(\[].*)?", re.I)
 GRAVITY = {"z": "[0.0, 0.0, -9.81]", "y": "[0.0, -9.81, 0.0]"}
 
 
-def proposal(path: str | Path, tables: Mapping[str, Callable[[Path], Channels]]) -> str:
-    """The TOML text for a file; `tables` reads those that are no captures, by ending.
+def proposal(
+    sources: Sequence[Path], tables: Mapping[str, Callable[[Path], Channels]], config: str = ""
+) -> str:
+    """The TOML text for the first of some files; `tables` reads those that are no captures, by ending.
 
     ConfigError: a file that begins as none that is known. DataError: not whole.
     """
-    path = Path(path)
+    path = sources[0]
     form = format_of(path)
     if form is not None:
         capture = form.read(path)
@@ -53,7 +55,8 @@ def proposal(path: str | Path, tables: Mapping[str, Callable[[Path], Channels]])
     else:
         known = ", ".join([*(one.name for one in (*FORMATS, *LOGS)), "csv", *(key[1:] for key in tables)])
         raise ConfigError(f"begins as no known format, expected {known}", str(path), "convert it first")
-    use = f"#   forceid import {path.name} -o {path.stem}.h5 -c {path.stem}.toml"
+    names = " ".join(source.name for source in sources)
+    use = f"#   forceid import {names} -o {path.stem}.h5 -c {config or f'{path.stem}.toml'}"
     return "\n".join([*said, "# Fill in what is nan, then", use, "", *lines]) + "\n"
 
 
@@ -159,7 +162,8 @@ def of_channels(channels: Channels, table: str) -> list[str]:
     elif not channels.time:
         lines.append("rate = nan  # Hz; or time, the name of the one that holds the times")
     if pose:
-        lines += [f"center = {json.dumps(next(iter(places.values())))}"]
+        center = next(iter(places.values()))
+        lines += [f"center = {json.dumps(center)}", *unit_line("center", center[0])]
         lines += [f"orientation = {json.dumps([turn[axis] for axis in 'xyzw'])}  # body to world"]
     else:
         lines += [line for variable, points in read.items() for line in patterned(variable, points)]

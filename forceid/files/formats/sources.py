@@ -26,8 +26,8 @@ from forceid.files.formats.clocks import agree, joined, spread
 from forceid.files.formats.csv import CsvTable, part, read_csv
 from forceid.files.formats.logs.table import LOGS, log_of
 from forceid.files.formats.mat import read_mat
-from forceid.files.formats.mocap import read_mot
-from forceid.files.formats.plates import pair_plates, plate_truth, split_plates, window
+from forceid.files.formats.mocap import read_columns, read_mot
+from forceid.files.formats.plates import pair_plates, plate_settings, plate_truth, split_plates, window
 from forceid.files.formats.proposal import proposal
 from forceid.files.formats.segments import (
     build_body,
@@ -54,14 +54,6 @@ TABLES: dict[str, Callable[[Path], Channels]] = {
 TEXTS = (".csv", ".tsv", ".txt")  # of tables of named columns
 ATTRIBUTE = 60_000  # bytes of a text beside a file's variables: HDF5 keeps 64 kB there
 
-PLATES = """
-[import.plates]  # {plate} in the names of columns is each of these
-plate = ["1"]
-force = "ground_force_{plate}_v"
-point = "ground_force_{plate}_p"
-moment = "ground_force_{plate}_m"
-"""
-
 
 def import_sources(paths: Sequence[str | Path], settings: ImportSettings) -> list[tuple[str, Recording]]:
     """Named recordings from the files of a laboratory; a mot or sto file adds the truth to its capture.
@@ -78,11 +70,15 @@ def import_sources(paths: Sequence[str | Path], settings: ImportSettings) -> lis
     return [pair for path in captures for pair in import_named(path, plates.get(path), settings)]
 
 
-def settings_for(sources: Sequence[str | Path]) -> str:
-    """The import settings that the first of the sources needs, as commented TOML to fill in; see proposal."""
-    text = proposal(sources[0], TABLES)
-    plates = any(Path(path).suffix.lower() in (".mot", ".sto") for path in sources[1:])
-    return text + (PLATES if plates else "")
+def settings_for(sources: Sequence[str | Path], config: str = "") -> str:
+    """The import settings that sources need, as commented TOML to fill in; see proposal.
+
+    Of the first source, and of the force plates beside it. config: what the settings are to be called.
+    """
+    files = [Path(path) for path in sources]
+    text = proposal(files, TABLES, config)
+    beside = [path for path in files[1:] if path.suffix.lower() in (".mot", ".sto")]
+    return text + "".join(plate_settings(read_columns(path)[0]) for path in beside[:1])
 
 
 def import_named(path: Path, mot: Path | None, settings: ImportSettings) -> list[tuple[str, Recording]]:
