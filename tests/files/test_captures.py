@@ -260,6 +260,13 @@ def test_init_takes_the_units_that_columns_name(tmp_path, heads, said):
     assert ("units" in found) == ("units" in said)
 
 
+def test_init_finds_the_column_that_tells_recordings_apart(tmp_path):
+    lines = [f"{toss},{k / 100},{k},{k},{toss},n/a" for toss in (4, 7) for k in range(5)]
+    (tmp_path / "a.csv").write_text("\n".join(["toss,time,a_x,a_y,a_z,note", *lines]))
+    found = tomllib.loads(settings_for([tmp_path / "a.csv"]))["import"]["csv"]
+    assert (found["group"], found["position"]) == ("toss", "{name}_{axis}")
+
+
 @pytest.mark.parametrize(("between", "names"), [(" ", "ab"), ("_", ("acc1", "acc2"))])
 def test_init_takes_what_reads_the_weight_for_accelerometers(tmp_path, between, names):
     weight = 0.0 if names[0].startswith("acc") else 9.6

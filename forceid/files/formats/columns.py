@@ -12,6 +12,7 @@ from scipy.constants import g as standard_gravity
 from forceid.errors import DataError
 from forceid.files.formats.channels import Channels
 from forceid.files.units import si_factor
+from forceid.records import Array
 
 POINT = re.compile(
     r"(?P<name>.*?)(?P<between>[ _.:\-/]?)(?P<axis>[xyz])"
@@ -68,10 +69,27 @@ def variables_of(channels: Channels, names: Sequence[str]) -> dict[str, dict[str
         found.setdefault("specific_force" if told else place, {})[point] = axes
     if found.keys() == {"position"} and channels.unit is None:
         every = [one for axes in found["position"].values() for one in axes]
-        means = np.reshape([np.nanmean(np.asarray(channels.values[one], float)) for one in every], (-1, 3))
+        means = np.reshape([np.nanmean(numbers(channels, one)) for one in every], (-1, 3))
         if np.all(np.abs(np.linalg.norm(means, axis=1) / standard_gravity - 1) < OFFSET):
             found["specific_force"] = found.pop("position")
     return found
+
+
+def numbers(channels: Channels, name: str) -> Array:
+    """The numbers of a channel; of one that holds text, zeros."""
+    try:
+        return np.asarray(channels.values[name], float)
+    except DataError:
+        return np.zeros(2)
+
+
+def group_of(channels: Channels, time: str, others: Sequence[str]) -> str:
+    """The column that changes where the clock goes back, and nowhere else; none where the clock does not."""
+    back = np.diff(numbers(channels, time)) <= 0
+    if not back.any():
+        return ""
+    marks = ((name, numbers(channels, name)) for name in others)
+    return next((name for name, at in marks if np.array_equal(at[1:] != at[:-1], back)), "")
 
 
 def named(points: Mapping[str, Sequence[str]]) -> list[str]:

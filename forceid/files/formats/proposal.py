@@ -14,7 +14,7 @@ from forceid.files.formats.bodies.marker_sets import marker_set
 from forceid.files.formats.captures.capture import Capture
 from forceid.files.formats.captures.table import FORMATS, Format, format_of
 from forceid.files.formats.channels import Channels, shape_of
-from forceid.files.formats.columns import SHOWN, key, named, patterned, unit_line, variables_of
+from forceid.files.formats.columns import SHOWN, group_of, key, named, patterned, unit_line, variables_of
 from forceid.files.formats.csv import CsvTable, read_csv
 from forceid.files.formats.logs.table import LOGS, log_of
 
@@ -173,6 +173,9 @@ def of_channels(channels: Channels, table: str) -> list[str]:
         unit = 'position = "mm"' if places else 'specific_force = "g"'
         lines.append(f"# units.{unit}  # of a variable, where it is not in SI")
     rest = [name for name in names if name not in used]
+    if table == "csv" and time is not None and (group := group_of(channels, time, rest)):
+        lines.append(f"group = {json.dumps(group)}  # a recording each; select = [...] takes some")
+        rest.remove(group)
     lines += [f"# not used: {described(channels, name)}" for name in rest[:SHOWN]]
     lines += [f"# and {len(rest) - SHOWN} more"] if len(rest) > SHOWN else []
     of_body = masses(named(places)) if places and not pose else rigid()
