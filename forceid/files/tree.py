@@ -69,6 +69,8 @@ def recording_from_tree(tree: xr.DataTree, gravity: Sequence[float] | None = Non
     """The validated recording in a tree; its SHA-256 is that of the arrays. DataError: see open_motion."""
     if not isinstance(tree, xr.DataTree):
         what = f"is of type {type(tree).__name__}, expected a motion, as forceid.motion makes one"
+        if isinstance(tree, (str, Path)):
+            raise DataError(what, "tree", f"open it: forceid.open_motion({str(tree)!r})")
         raise DataError(what, "tree", "build it: forceid.motion(position, time, mass=..., gravity=...)")
     groups = {name: tree_group(node) for name, node in tree.children.items()}
     if "body" in groups and (material := tree.children["body"].children.get("material")) is not None:

@@ -281,6 +281,8 @@ def test_what_cannot_be_taken_is_refused_in_one_line_that_says_what_to_do(case):
 def test_an_array_in_place_of_a_motion_is_told_how_to_become_one():
     with pytest.raises(DataError, match=r"is of type ndarray, .*; build it: forceid.motion"):
         forceid.estimate(POSITION)
+    with pytest.raises(DataError, match=r"is of type str, .*; open it: forceid.open_motion\('a.h5'\)"):
+        forceid.inspect("a.h5")
 
 
 def test_motion_is_called_the_same_before_and_after_the_package_of_its_name_is_loaded():
