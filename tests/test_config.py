@@ -113,7 +113,7 @@ def test_a_configuration_that_is_not_there_is_refused(tmp_path):
 
 
 def test_one_file_serves_import_estimate_and_coefficients(tmp_path):
-    text = '[import]\ntitle = "a"\n[law]\ndrag = ["1"]\n[aero]\narea = 0.1\n'
+    text = 'model = "rigid"\n[import]\ntitle = "a"\n[law]\ndrag = ["1"]\n[aero]\narea = 0.1\n'
     (tmp_path / "a.toml").write_text(text)
     assert load_settings(tmp_path / "a.toml").aero.area == 0.1
     assert law_setting(read_toml(tmp_path / "a.toml"), "a.toml").law == {"drag": ("1",)}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from forceid.aero import flow
-from forceid.config import AeroSetting, Section, validate
+from forceid.config import AeroSetting, Section, Settings, validate
 from forceid.errors import ConfigError
 from forceid.laws import ground
 from forceid.laws.air_components import BY_STRIPS, WHOLE_BODY, StripSetting, strip_fields, whole_body_fields
@@ -183,4 +183,5 @@ def ground_below(setting: LawSetting, where: str) -> Ground:
 
 def law_setting(table: Mapping[str, Any], where: str) -> LawSetting:
     """The settings of a fit, checked; a ConfigError names the key."""
-    return validate(LawSetting, {k: v for k, v in table.items() if k != "import"}, where)
+    others = {"import", *Settings.model_fields} - LawSetting.model_fields.keys()  # one file may serve all
+    return validate(LawSetting, {k: v for k, v in table.items() if k not in others}, where)
