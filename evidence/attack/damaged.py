@@ -29,6 +29,15 @@ WORDS = (
     b"1,5",
     b";",
 )
+READ_BY = {
+    "motion": ("inspect {0}", "estimate {0} -o {out}.h5 --method savgol"),
+    "result": (
+        "report {0}",
+        "simulate {0} -o {out}.h5",
+        "export {0} -f csv -o {out}.csv",
+        "report {0} whole.result.h5 -o {out}.html",
+    ),
+}
 HEAD = "[import]\ngravity = [0.0, 0.0, -9.81]\n[import.body.mass]\n"
 HEAD += "nose = 0.02\nleft = 0.03\nright = 0.03\ntop = 0.02\n"
 PLACES = "[import.body.position]\n" + "".join(f'"{k}" = [{k}.0, 0.0, {k % 2}.0]\n' for k in range(1, 5))
@@ -245,8 +254,9 @@ def damaged_files(
         names = [path.name for path in paths]
         config = {"mat73": "mat", "mot": "trc", "c3d": "trc"}.get(kind, kind)
         words = ["import", *names, "-o", f"i{number}.h5", "-c", f"{config}.toml"]
-        if kind in ("motion", "result"):
-            words = ["inspect", *names] if kind == "motion" else ["report", *names]
+        if kind in READ_BY:
+            ways = READ_BY[kind]
+            words = [word.format(*names, out=f"i{number}") for word in ways[number % len(ways)].split()]
         found = forked(words, folder)
         yield kind, damage, found, found.faults(f"d{number}")
         for pattern in (f"d{number}.*", f"i{number}*"):
