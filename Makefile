@@ -9,7 +9,7 @@ test test-long kernels: export PYTHONDONTWRITEBYTECODE :=
 # two workers on two cores: each with one thread of BLAS
 test test-long kernels: export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: charts demo test test-long lint kernels bench study docs wheel clean
+.PHONY: charts demo test test-long lint kernels bench study docs remake wheel clean
 demo: .venv/ready
 	$(BIN)/forceid demo -o demo
 
@@ -58,6 +58,10 @@ charts: .venv-bench/ready
 	.venv-bench/bin/forceid chart -o docs/chart $(CHART)
 	.venv-bench/bin/forceid stress -o docs/stress $(CHART)
 
+# every table and picture of the site, into remade/; resumes where it stopped. REMAKE='--minutes 60' for a night
+remake: .venv-bench/ready
+	.venv-bench/bin/python -m evidence.remake -o remade $(REMAKE)
+
 # source archive and wheels into dist/; that wheel, and one made without compiler, run the demo where nothing else is
 wheel:
 	rm -rf dist .venv-wheel
@@ -96,4 +100,4 @@ wheel:
 	touch $@
 
 clean:
-	rm -rf .venv .venv-bench .venv-wheel build dist bench *.egg-info demo docs/_build forceid/*/*.so evidence/*.egg-info evidence/build
+	rm -rf .venv .venv-bench .venv-wheel build dist bench remade *.egg-info demo docs/_build forceid/*/*.so evidence/*.egg-info evidence/build
