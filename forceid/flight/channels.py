@@ -94,7 +94,7 @@ def driven(
     return StateSpace(F, Q, H, noise_var[..., None, None], np.zeros(chain.P0.shape[:-1]), chain.P0)
 
 
-def in_pieces(
+def model_in_pieces(
     chain: Callable[[float], Process],
     gain: float,
     noise_var: Array,

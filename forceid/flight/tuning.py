@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from forceid.flight.channels import (
     Start,
     driven,
-    in_pieces,
     load_chain,
+    model_in_pieces,
     runs_of,
     search_box,
     start_of,
@@ -93,7 +93,7 @@ def tune_loads(
             if pieces is None:
                 model = driven(chain(1.0), *seen, np.diff(t), color)
             else:
-                model = in_pieces(chain, *seen, t, order, color)([pieces.of(axis)])
+                model = model_in_pieces(chain, *seen, t, order, color)([pieces.of(axis)])
             total += likelihood(model, y[:, axis, None], OUTLIER)
         return total.reshape(shape)
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from forceid.flight.channels import Channel, driven, in_pieces, load_chain, start_of
+from forceid.flight.channels import Channel, driven, load_chain, model_in_pieces, start_of
 from forceid.flight.pieces import WHOLE, Pieces, split_in_a_row
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned, channel_model
@@ -34,7 +34,7 @@ def by_axes(channel, prior, pieces):
         return load_chain(matern(kernel.order, kernel.std, haste * kernel.rate), prior.start)
 
     var, drift = channel.var(np.eye(3)), np.diagonal(channel.drift)
-    model = in_pieces(chain, GAIN, var, drift, TIME, kernel.order, None)([pieces])
+    model = model_in_pieces(chain, GAIN, var, drift, TIME, kernel.order, None)([pieces])
     return float(log_likelihood(model, channel.moved[:, :, None]).sum())
 
 

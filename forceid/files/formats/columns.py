@@ -69,13 +69,13 @@ def variables_of(channels: Channels, names: Sequence[str]) -> dict[str, dict[str
         found.setdefault("specific_force" if told else place, {})[point] = axes
     if found.keys() == {"position"} and channels.unit is None:
         every = [one for axes in found["position"].values() for one in axes]
-        means = np.reshape([np.nanmean(numbers(channels, one)) for one in every], (-1, 3))
+        means = np.reshape([np.nanmean(column_numbers(channels, one)) for one in every], (-1, 3))
         if np.all(np.abs(np.linalg.norm(means, axis=1) / standard_gravity - 1) < OFFSET):
             found["specific_force"] = found.pop("position")
     return found
 
 
-def numbers(channels: Channels, name: str) -> Array:
+def column_numbers(channels: Channels, name: str) -> Array:
     """The numbers of a channel; of one that holds text, zeros."""
     try:
         return np.asarray(channels.values[name], float)
@@ -85,14 +85,14 @@ def numbers(channels: Channels, name: str) -> Array:
 
 def group_of(channels: Channels, time: str, others: Sequence[str]) -> str:
     """The column that changes where the clock goes back, and nowhere else; none where the clock does not."""
-    back = np.diff(numbers(channels, time)) <= 0
+    back = np.diff(column_numbers(channels, time)) <= 0
     if not back.any():
         return ""
-    marks = ((name, numbers(channels, name)) for name in others)
+    marks = ((name, column_numbers(channels, name)) for name in others)
     return next((name for name, at in marks if np.array_equal(at[1:] != at[:-1], back)), "")
 
 
-def named(points: Mapping[str, Sequence[str]]) -> list[str]:
+def short_names(points: Mapping[str, Sequence[str]]) -> list[str]:
     """The names of points without what all begin with."""
     return [name.removeprefix(common_path([*points])) for name in points]
 
@@ -114,7 +114,7 @@ def unit_line(variable: str, column: str) -> list[str]:
 
 def patterned(variable: str, points: Mapping[str, Sequence[str]]) -> list[str]:
     """The lines of a variable of points: one pattern where one finds them all, else each; and its unit."""
-    path, short = common_path([*points]), named(points)
+    path, short = common_path([*points]), short_names(points)
     first = POINT.fullmatch(next(iter(points.values()))[0])
     assert first is not None
     form = f"{path}{{name}}{first['between']}{{axis}}{first['end'] or ''}"

@@ -48,7 +48,7 @@ def plate_settings(columns: Sequence[str]) -> str:
     moment = "{plate}_ground_torque_"
     """
     bases = [name[:-2] for name in columns if name.lower().endswith("vx")]
-    begin, end = alike(bases), alike([base[::-1] for base in bases])[::-1]
+    begin, end = shared_beginning(bases), shared_beginning([base[::-1] for base in bases])[::-1]
     begin, end = begin[: begin.rfind("_") + 1], end[end.find("_") :] if "_" in end else ""
     one = PlateSetting()
     if len(bases) > 1:
@@ -65,7 +65,7 @@ def plate_settings(columns: Sequence[str]) -> str:
     return "\n".join(["", "[import.plates]  # {plate} in the names of columns is each of these", *lines, ""])
 
 
-def alike(names: Sequence[str]) -> str:
+def shared_beginning(names: Sequence[str]) -> str:
     """What all names begin with."""
     return "".join(signs[0] for signs in takewhile(lambda of: len(set(of)) == 1, zip(*names, strict=False)))
 

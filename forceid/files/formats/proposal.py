@@ -14,7 +14,15 @@ from forceid.files.formats.bodies.marker_sets import marker_set
 from forceid.files.formats.captures.capture import Capture
 from forceid.files.formats.captures.table import FORMATS, Format, format_of
 from forceid.files.formats.channels import Channels, shape_of
-from forceid.files.formats.columns import SHOWN, group_of, key, named, patterned, unit_line, variables_of
+from forceid.files.formats.columns import (
+    SHOWN,
+    group_of,
+    key,
+    patterned,
+    short_names,
+    unit_line,
+    variables_of,
+)
 from forceid.files.formats.csv import CsvTable, read_csv
 from forceid.files.formats.logs.table import LOGS, log_of
 
@@ -178,9 +186,9 @@ def of_channels(channels: Channels, table: str) -> list[str]:
         rest.remove(group)
     lines += [f"# not used: {described(channels, name)}" for name in rest[:SHOWN]]
     lines += [f"# and {len(rest) - SHOWN} more"] if len(rest) > SHOWN else []
-    of_body = masses(named(places)) if places and not pose else rigid()
-    where = ", ".join(f"{key(name)} = [nan, nan, nan]" for name in named(sensors))
-    if sensors and not channels.geometry.keys() >= set(named(sensors)):
+    of_body = masses(short_names(places)) if places and not pose else rigid()
+    where = ", ".join(f"{key(name)} = [nan, nan, nan]" for name in short_names(sensors))
+    if sensors and not channels.geometry.keys() >= set(short_names(sensors)):
         of_body.insert(2, f"sensor_position = {{ {where} }}  # m, in the same axes")
     return [*lines, "", *of_body]
 

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from forceid.estimation.loads.pieces.cells import Cells, load_in
-from forceid.flight.channels import Channel, in_pieces, load_chain
+from forceid.flight.channels import Channel, load_chain, model_in_pieces
 from forceid.flight.pieces import Pieces
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior
@@ -84,7 +84,7 @@ class Evidence:
             return load_chain(matern(kernel.order, kernel.std, haste * kernel.rate), prior.start, lines)
 
         seen = ch.gain, ch.var(axes) * noise, drift * noise, ch.time, kernel.order
-        return in_pieces(chain, *seen, ch.color)
+        return model_in_pieces(chain, *seen, ch.color)
 
     def of(self, pieces: Pieces) -> float:
         """Log-likelihood less cost."""
