@@ -1,11 +1,13 @@
 import sys
+import tomllib
 
 import numpy as np
 import pytest
 
 from forceid.config import validate
 from forceid.errors import ConfigError, DataError
-from forceid.files.formats.mocap import read_c3d, read_mot, read_trc
+from forceid.files.formats.mocap import read_c3d, read_columns, read_mot, read_trc
+from forceid.files.formats.plates import plate_settings
 from forceid.files.formats.sources import import_sources
 from forceid.import_settings import ImportSettings, PlateSetting
 
@@ -112,6 +114,28 @@ def test_a_plate_that_is_known_is_a_load_beside_which_others_are_found(tmp_path,
     assert known.moment[0].tolist() == [[7.0, 8.0, 9.0]]
     with pytest.raises(ConfigError, match="known"):
         import_sources([trc, mot], settings(plates={"known": ["2"]}))
+
+
+@pytest.mark.parametrize(
+    "plates",
+    [
+        {"1": ("ground_force_1_v", "ground_force_1_p", "ground_force_1_m")},
+        {"": ("ground_force_v", "ground_force_p", "ground_torque_")},
+        {n: (f"{n}_ground_force_v", f"{n}_ground_force_p", f"{n}_ground_torque_") for n in "12"},
+        {n: (f"{n}ground_force_v", f"{n}ground_force_p", f"{n}ground_torque_") for n in ("", "1_")},
+        {n: (f"ground_force_{n}_v", f"ground_force_{n}_p", f"ground_moment_{n}_") for n in ("left", "right")},
+    ],
+)
+def test_init_finds_every_plate_that_a_mot_file_has(tmp_path, plates):
+    names = ["time", *(name + axis for of in plates.values() for name in of for axis in "xyz")]
+    data = np.arange(3.0)[:, None] + 10 * np.arange(len(names))
+    mot = write_mot(tmp_path / "a.mot", data, names)
+    proposed = tomllib.loads(plate_settings(read_columns(mot)[0]))["import"]["plates"]
+    found = read_mot(mot, validate(PlateSetting, proposed, "test:"))
+    assert len(found.name) == len(plates)
+    for k in range(len(plates)):
+        own = data[:, 1 + 9 * k : 10 + 9 * k]
+        assert np.array_equal(np.hstack([found.force[:, k], found.point[:, k], found.moment[:, k]]), own)
 
 
 def test_plates_go_to_the_capture_whose_name_theirs_begins_with(tmp_path, position):
