@@ -37,7 +37,8 @@ class Spread:
 
     apart (alternative, time, 6): deviations of momentum and load, each weighed by the root of its share;
     hidden (time, 3, 3): variance of what loads in pieces may be beside that. near (time,): samples whose load
-    is the mean over a cell, own (time, 3, 3) its covariance where edges and sizes are known.
+    is the mean over a cell, own (time, 3, 3) its covariance where edges and sizes are known. at (time, 3):
+    the load of the channel at the instant of a sample, of a piece that has a share (time,) of its cell.
     """
 
     mean: Array
@@ -45,6 +46,15 @@ class Spread:
     hidden: Array
     near: Flags
     own: Array
+    at: Array
+    share: Array
+
+    def of_cells(self, load: Array) -> Array:
+        """A load (time, 3) at instants, with its edges in all places, as means over cells near them.
+
+        What it has beside that of the channel, which leaves out turns within a step, it has in its piece.
+        """
+        return np.asarray(self.at + self.mean[:, 3:] + self.share[:, None] * (load - self.at))
 
     def beside(self, cov: Array) -> Array:
         """Covariance (time, 3, 3) of the load of which `cov` is that where its edges are known."""
@@ -101,7 +111,20 @@ def spread_of(channel: Channel, prior: LoadPrior, time: Array, engine: Engine) -
     # between samples that the channel shows, as of tracks low-passed before, any frame may have had it all
     between = step_of(channel) / float(np.median(np.diff(time))) - 1
     hidden[near] += between * mean[near, 3:, None] * mean[near, None, 3:]
-    return Spread(mean - found, np.concatenate(apart), hidden, near, own)
+    share = np.where(near, share_of_cells(time, pieces.edges), 1.0)
+    return Spread(mean - found, np.concatenate(apart), hidden, near, own, found[:, 3:], share)
+
+
+def share_of_cells(time: Array, edges: Array) -> Array:
+    """Share (time,) that the piece at each sample has of its cell, by edges (edge,) s.
+
+    >>> share_of_cells(np.arange(4.0), np.array([0.9, 1.2])).round(3).tolist()
+    [1.0, 0.3, 1.0, 1.0]
+    """
+    middle = np.concatenate([time[:1], 0.5 * (time[1:] + time[:-1]), time[-1:]])
+    bounds, piece = np.concatenate([time[:1], edges, time[-1:]]), np.searchsorted(edges, time, "right")
+    inside = np.minimum(bounds[piece + 1], middle[1:]) - np.maximum(bounds[piece], middle[:-1])
+    return np.asarray(inside / np.diff(middle))
 
 
 def as_large_as_it_is(time: Array, load: Array, prior: LoadPrior, pieces: Pieces) -> Pieces:
@@ -236,7 +259,7 @@ def with_edges_known(state: FlightState, spread: Mapping[str, Spread], given: Ar
     force, moment, cov = state.force.copy(), state.moment.copy(), state.wrench_cov.copy()
     for name, load, own in (("force", force, slice(0, 3)), ("moment", moment, slice(3, 6))):
         if name in spread:
-            load += spread[name].mean[:, 3:]
+            load[:] = spread[name].of_cells(load)
             cov[:, own, own] = spread[name].beside(cov[:, own, own])
             cov[spread[name].near, :3, 3:] = cov[spread[name].near, 3:, :3] = 0.0
     return replace(state, force=force, moment=moment, wrench_cov=cov, given=given)
