@@ -40,11 +40,16 @@ FAULT_KINDS = (
     "escapes on the terminal",
 )
 PARTS = ("files", "damaged", "surroundings", "outputs", "kills", "units", "contradictions")
-ABOUT = """\
-`{command}`: what was done, and how it ended. `unexpected`: no exit code of the contract, or no error \
-foreseen. `noise on stderr`: warnings of libraries. `late`: over 30 s. `overwritten`, `lost`, `torn`: of \
-files that were there. `another result`: of one flight by other units or scales, 1e-6 of sigma off and more. \
-`unnamed`: a refusal that does not name the file. `no next step`: one that does not say what to do."""
+ABOUT = "`{command}`: what was done, and how it ended."
+CLEAN = """\
+No unexpected end, no warning of a library, none over 30 s; no file overwritten, lost or torn; every refusal \
+names the file and what to do."""
+FOUND = """\
+`unexpected`: no exit code of the contract, or no error foreseen. `noise on stderr`: warnings of libraries. \
+`late`: over 30 s. `overwritten`, `lost`, `torn`: of files that were there. `another result`: of one flight \
+by other units or scales, 1e-6 of sigma off and more. `unnamed`: a refusal that does not name the file. `no \
+next step`: one that does not say what to do."""
+LISTED = 12  # kinds that a line names; of more it tells the number
 Ended = Iterable[tuple[str, End, list[str]]]
 
 
@@ -103,7 +108,8 @@ def counted(found: Ended) -> tuple[str, list[str]]:
     names = [*(k for k in sorted(rows) if k != "all"), "all"]
     if not odd:
         ends = ", ".join(f"{end} {rows['all'][end]}" for end in heads[2:])
-        return f"{number} runs of {len(names) - 1} kinds ({', '.join(names[:-1])}): {ends}.", odd
+        kinds = f" ({', '.join(names[:-1])})" if len(names) - 1 <= LISTED else ""
+        return f"{number} runs of {len(names) - 1} kinds{kinds}: {ends}.", odd
     return table([{"kind": k, **{h: rows[k][h] for h in heads[1:]}} for k in names], heads), odd
 
 
@@ -137,7 +143,8 @@ def main() -> int:
             shown, odd = counted(work[part](own))
             wrong += len(odd)
             texts += [f"## {part.capitalize()}", shown, *["\n".join(odd)] * bool(odd)]
-    paged(args.output, "attack", "Under attack", ABOUT.format(command=args.command), *texts)
+    about = [ABOUT.format(command=args.command), FOUND if wrong else CLEAN]
+    paged(args.output, "attack", "Under attack", *about, *texts)
     return int(wrong > 0)
 
 
