@@ -82,6 +82,7 @@ def remade(page: str, commands: Sequence[str], folder: Path) -> dict[str, Any]:
     """What comes of the commands of a page: exit codes, seconds, and hashes of the files they wrote."""
     began, spent = monotonic(), cpu()
     before = hashes(folder)
+    folder.joinpath(f"{page}.txt").write_bytes(b"")  # what it printed under other code
     codes = []
     for command in commands:
         for words in words_of(command, folder):

@@ -260,6 +260,14 @@ def test_init_takes_the_units_that_columns_name(tmp_path, heads, said):
     assert ("units" in found) == ("units" in said)
 
 
+def test_init_places_sensors_beside_the_masses_of_many_markers(tmp_path):
+    heads = ["time", *(f"{n}_{a}" for n in [*(f"m{k}" for k in range(14)), "acc1"] for a in "xyz")]
+    rows = [",".join([str(k), *["1"] * (len(heads) - 1)]) for k in range(3)]
+    (tmp_path / "a.csv").write_text("\n".join([",".join(heads), *rows]))
+    body = tomllib.loads(settings_for([tmp_path / "a.csv"]))["import"]["body"]
+    assert (len(body["mass"]), list(body["sensor_position"])) == (14, ["acc1"])
+
+
 def test_init_finds_the_column_that_tells_recordings_apart(tmp_path):
     lines = [f"{toss},{k / 100},{k},{k},{toss},n/a" for toss in (4, 7) for k in range(5)]
     (tmp_path / "a.csv").write_text("\n".join(["toss,time,a_x,a_y,a_z,note", *lines]))

@@ -28,6 +28,7 @@ from forceid.files.formats.logs.table import LOGS, log_of
 
 TURN = re.compile(r"(?:.*[ _.:\-/])?(?:q|quat_?|rot_?|orientation[_.]?)(?P<axis>[xyzwXYZW])")
 CLOCK = re.compile(r"(?:t|time|timestamp|seconds)(?:[ _(\[].*)?", re.I)
+BODY = "[import.body]"
 GRAVITY = {"z": "[0.0, 0.0, -9.81]", "y": "[0.0, -9.81, 0.0]"}
 
 
@@ -134,7 +135,7 @@ def masses(names: Sequence[str]) -> list[str]:
     pairs = [f"{key(name)} = nan" for name in names]
     note = "# kg that each stands for; 0 for one that carries none"
     if len(names) <= SHOWN:
-        lines = ["[import.body]", f"mass = {{ {', '.join(pairs)} }}  {note}"]
+        lines = [BODY, f"mass = {{ {', '.join(pairs)} }}  {note}"]
     else:
         lines = [f"[import.body.mass]  {note}", *pairs]
     return [
@@ -147,7 +148,7 @@ def masses(names: Sequence[str]) -> list[str]:
 def rigid() -> list[str]:
     """The lines of a rigid body known as a whole."""
     return [
-        "[import.body]",
+        BODY,
         "total_mass = nan  # kg",
         "mass_center = [0.0, 0.0, 0.0]  # m, from the tracked origin, in the axes of the body",
         "inertia = [[nan, 0.0, 0.0], [0.0, nan, 0.0], [0.0, 0.0, nan]]  # kg m2, about the mass center",
@@ -187,9 +188,10 @@ def of_channels(channels: Channels, table: str) -> list[str]:
     lines += [f"# not used: {described(channels, name)}" for name in rest[:SHOWN]]
     lines += [f"# and {len(rest) - SHOWN} more"] if len(rest) > SHOWN else []
     of_body = masses(short_names(places)) if places and not pose else rigid()
-    where = ", ".join(f"{key(name)} = [nan, nan, nan]" for name in short_names(sensors))
     if sensors and not channels.geometry.keys() >= set(short_names(sensors)):
-        of_body.insert(2, f"sensor_position = {{ {where} }}  # m, in the same axes")
+        where = ", ".join(f"{key(name)} = [nan, nan, nan]" for name in short_names(sensors))
+        first = of_body[:1] if of_body[0] == BODY else []  # a table of masses has a head of its own
+        of_body[: len(first)] = [BODY, f"sensor_position = {{ {where} }}  # m, in the same axes"]
     return [*lines, "", *of_body]
 
 
