@@ -94,7 +94,7 @@ def cleaned(body: Body, motion: Motion, kin: Kinematics | None = None) -> tuple[
     for group in looks(np.ones(position.shape[1], bool) if kin is None else kin.seen):
         off[:, group] = spikes(position[:, group])
         if kin is not None and kin.attitude:
-            known = np.where(off[..., None], np.nan, position)
+            known = np.where(off[..., None], np.nan, position) if off[:, group].any() else position
             shown = beside_strains(beyond_rigid(motion.time, known, kin, group), kin)
             off[:, shown.kept] |= off_the_shape(shown.y, shown.basis)
     if off.any():

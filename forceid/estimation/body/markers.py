@@ -133,18 +133,12 @@ def check_scale(x: Array, X: Array) -> None:
     A body may bend and stretch; three times its size is a unit that is not what it says.
     """
     seen: Flags = np.asarray(np.isfinite(x).all(2))
-    count = np.maximum(seen.sum(1), 1)[:, None]
-
-    def size(a: Array) -> Array:
-        a = np.where(seen[..., None], a, 0.0)
-        off = np.where(seen[..., None], a - (a.sum(1) / count)[:, None], 0.0)
-        return np.asarray(np.sqrt((off**2).sum((1, 2)) / count[:, 0]))
-
-    moving, still = size(x), size(np.broadcast_to(X, x.shape))
+    moving = gyration_radius(x, seen)
+    still = gyration_radius(np.broadcast_to(X, x.shape)[: 1 if seen.all() else None], seen)
     both = (moving > 0) & (still > 0)
     if not both.any():
         return
-    ratio = float(np.median(moving[both] / still[both]))
+    ratio = float(np.median(moving[both] / np.broadcast_to(still, moving.shape)[both]))
     if not 1 / SIZE < ratio < SIZE:
         raise DataError(
             f"spans {ratio:.2g} times what the reference shape does (median of {both.sum()} frames), "
@@ -152,6 +146,21 @@ def check_scale(x: Array, X: Array) -> None:
             "/motion/position",
             "check the units of /motion/position and /body/position",
         )
+
+
+def gyration_radius(x: Array, seen: Flags) -> Array:
+    """Root mean square distance (time,) m of markers x (time, node, 3) from their mean, of those seen.
+
+    >>> x = np.array([[[0.0, 0, 0], [0, 0, 2], [9, 9, 9]]])
+    >>> gyration_radius(x, np.array([[True, True, False]])).tolist()
+    [1.0]
+    """
+    seen = seen[: len(x)]
+    count = np.maximum(seen.sum(1), 1)
+    x = x if seen.all() else np.where(seen[..., None], x, 0.0)
+    off = x - (x.sum(1) / count[:, None])[:, None]
+    off = off if seen.all() else np.where(seen[..., None], off, 0.0)
+    return np.asarray(np.sqrt(np.einsum("tna,tna->t", off, off) / count))
 
 
 def rank_of(shape: Array, nodes: Flags) -> int:

@@ -14,7 +14,7 @@ import numpy as np
 from forceid.estimation.body.deforming.modes import split_rigid
 from forceid.estimation.body.deforming.strains import strain_axes, strain_shapes
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.motion import ReadingCov, pose_gain, pose_rank
+from forceid.motion import ReadingCov, pose_gain, pose_rank, seen_together
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags
 from forceid.rounding import ROUNDED, SINGLE, SOLVED
@@ -135,9 +135,8 @@ def gauge(kin: Kinematics) -> Array:
 
 def patterns(kin: Kinematics) -> list[Flags]:
     """Sets of markers (node,) that frames show, all that are ever seen first, then the commonest."""
-    observed = np.isfinite(kin.pose.residual).all(2)
-    sets, count = np.unique(observed, axis=0, return_counts=True)
-    order = np.argsort(-count)[:LOOKED]
+    sets, which = seen_together(kin.pose.residual)
+    order = np.argsort(-np.bincount(which), kind="stable")[:LOOKED]
     return [kin.seen, *(p for p in sets[order] if p.any() and (p != kin.seen).any())]
 
 

@@ -93,7 +93,8 @@ def mean_shape(position: Array, shape: Array, weight: Array) -> Array:
     mean = shape.copy()
     for _ in range(3):
         center, R = fit_rotation(frames, mean, weight)
-        mean[ever] = np.nanmean(body_axes(frames, center, R)[:, ever], axis=0)
+        held = body_axes(frames, center, R)[:, ever]
+        mean[ever] = held.mean(0) if np.isfinite(held).all() else np.nanmean(held, axis=0)
     return mean
 
 

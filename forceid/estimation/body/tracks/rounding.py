@@ -8,6 +8,7 @@ from forceid.estimation.body.tracks.noise_axes import at_rest
 from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.records import Array
 
+READ = 1 << 14  # readings along an axis: by chance two are a grid step of 1e-8 of their range apart
 FEW_VALUES = 10  # that chance puts on a grid: of more, eight would have to
 OFF_GRID = 0.01  # of a step: numbers of single precision that are rounded to it are nearer
 NO_STEP = 0.25  # of a step: by so much no number is off that a step told by nearer ones leads to
@@ -23,8 +24,9 @@ def grid_step(position: Array) -> float:
     >>> grid_step(np.round(np.linspace(0, 1, 300), 1).reshape(-1, 1, 3)).__round__(9)
     0.1
     """
-    moves, found = ~at_rest(position), 0.0
     x = position[:: max(1, len(position) // CHANNEL_SAMPLES)]
+    x = x[:, :: max(1, x.shape[0] * x.shape[1] // READ)]
+    moves, found = ~at_rest(x), 0.0
     for axis in range(3):
         read = x[:, moves[:, axis], axis]
         values = np.unique(read[np.isfinite(read)])

@@ -61,17 +61,20 @@ def spikes_once(position: Array) -> Flags:
     jump, wide = (np.abs(d[k:-k] - 0.5 * (d[2 * k :] + d[: -2 * k])) for k in (1, 2))  # alike if white
     usual = NORMAL * np.maximum(median(jump[None])[0], median(wide[None])[0])
     scale = np.maximum(usual, SOLVED * np.nan_to_num(d).max(initial=0.0))
-    at = np.flatnonzero((np.nan_to_num(jump) > 0.5 * FAR * scale).any((1, 2))) + 1
-    at = np.unique(np.concatenate([at - 1, at, at + 1]).clip(0, T - 1))
-    if not len(at):
-        return found
+    leaps = np.pad(jump > 0.5 * FAR * scale, ((1, 1), (0, 0), (0, 0)))
+    around = leaps.copy()
+    around[1:] |= leaps[:-1]
+    around[:-1] |= leaps[1:]
+    at, marker, other = np.nonzero(around)
     beside = at[:, None] + AROUND
-    near = np.where(((beside >= 0) & (beside < T))[:, :, None, None], d[beside.clip(0, T - 1)], np.nan)
+    near = d[beside.clip(0, T - 1), marker[:, None], other[:, None]]
+    near[(beside < 0) | (beside >= T)] = np.nan
     middle = median(near)
     local = NORMAL * median(np.abs(near - middle[:, None]))
-    off = np.abs(d[at] - middle) / (FAR * np.fmax(local, scale))
-    count = (np.nan_to_num(off) > 1.0).sum(2)
-    found[np.ix_(at, ever)] = (count >= SEVERAL) & (count == count.max(1, keepdims=True))
+    off = np.abs(d[at, marker, other] - middle) > FAR * np.fmax(local, scale[marker, other])
+    count = np.zeros((T, n), int)
+    np.add.at(count, (at[off], marker[off]), 1)
+    found[:, ever] = (count >= SEVERAL) & (count == count.max(1, keepdims=True))
     return found & seen
 
 
@@ -86,8 +89,8 @@ def off_the_shape(y: Array, basis: Array) -> Flags:
     whole = np.asarray(np.isfinite(y).all(1))
     if len(AROUND) >= len(y) or not y.shape[1] or not whole.any():
         return found
-    spans = [np.linalg.svd(rows, full_matrices=False) for rows in basis.reshape(-1, 3, basis.shape[1])]
-    each = np.stack([(size > SOLVED * size[0])[:, None] * along for _, size, along in spans])
+    _, size, along = np.linalg.svd(basis.reshape(-1, 3, basis.shape[1]), full_matrices=False)
+    each = (size > SOLVED * size[:, :1])[..., None] * along
 
     def gains(left: Array) -> Array:
         along = left @ each.reshape(-1, each.shape[2]).T
@@ -95,7 +98,8 @@ def off_the_shape(y: Array, basis: Array) -> Flags:
 
     jump, wide = (y[k:-k] - 0.5 * (y[2 * k :] + y[: -2 * k]) for k in (1, 2))  # alike if white
     some = slice(None, None, max(1, len(y) // CHANNEL_SAMPLES))
-    usual = NORMAL * max(median(np.abs(one[some]).reshape(1, -1, 1)).item() for one in (jump, wide))
+    sizes = [np.abs(one[some][np.isfinite(one[some])]) for one in (jump, wide)]
+    usual = NORMAL * max(float(np.median(one)) if len(one) else 0.0 for one in sizes)
     usual = max(usual, SOLVED * float(np.nan_to_num(np.abs(y)).max()))
     at = np.flatnonzero((gains(np.nan_to_num(jump)) > 0.5 * (FAR * usual) ** 2).any(1)) + 1
     beside = at[:, None] + AROUND
@@ -151,8 +155,11 @@ def wild_rates(rate: Array) -> Flags:
 
 def median(a: Array) -> Array:
     """Median over the second axis, without NaN; zero where all are."""
-    ordered = np.sort(a, axis=1)  # NaN last
-    count = np.isfinite(a).sum(1)
+    ordered, most = np.sort(a, axis=1), a.shape[1]  # NaN last
+    seen = np.isfinite(a)
+    if most and seen.all():
+        return np.asarray(0.5 * (ordered[:, (most - 1) // 2] + ordered[:, most // 2]))
+    count = seen.sum(1)
     low, high = (np.maximum(count - 1, 0) // 2, np.maximum(count, 1) // 2)
     pick = [np.take_along_axis(ordered, k[:, None], 1)[:, 0] for k in (low, np.minimum(high, a.shape[1] - 1))]
     return np.asarray(np.where(count > 0, 0.5 * (pick[0] + pick[1]), 0.0))
@@ -176,11 +183,13 @@ def clipped(position: Array) -> tuple[Flags, str, float]:
         values = position[..., axis]
         seen = np.isfinite(values)
         edges = np.nanmin(values, initial=np.inf), np.nanmax(values, initial=-np.inf)
+        each = [(values == edge) & ~rest[:, axis] for edge in edges]
+        if max(stuck.sum() for stuck in each) < 2:
+            continue
         inner = values[seen & ~np.isin(values, edges)]
         # of readings of which no other two are alike, no two meet at an edge either
         few = 1 if len(np.unique(inner)) == len(inner) else max(STUCK, STUCK_PART * seen.sum())
-        for edge in edges:
-            stuck = (values == edge) & ~rest[:, axis]
+        for edge, stuck in zip(edges, each, strict=True):
             if stuck.sum() > few:
                 found |= stuck
                 if stuck.sum() > most:
