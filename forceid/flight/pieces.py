@@ -8,15 +8,19 @@ covariance that depends on time.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
 
-from forceid.kalman.building.clock import discretize_steps
-from forceid.kalman.building.process import Process
+from forceid.kalman.building.clock import ONE_LOAD, discretize_steps
+from forceid.kalman.building.process import Process, discretize
 from forceid.records import Array, Flags, Indices
+from forceid.rounding import ITERATIONS
+
+Discretization: TypeAlias = Callable[[Process, Array], tuple[Array, Array]]
 
 HASTES_HELD = 8  # factors on a rate that pieces have: of 1500 uneven steps each takes 10 MB
 CLOCK = 1e-9  # s: clocks are no finer, so that an edge as near to a sample as that lies at it
@@ -135,28 +139,34 @@ def forms_over(
     """
     lengths, length = np.unique(np.round(step, 12), return_inverse=True)
 
-    def acting(load: Process, over: Array) -> tuple[Array, Array, Array]:
-        F, Q = discretize_steps(load, over)
+    def acting(load: Process, over: Array, through: Discretization) -> tuple[Array, Array, Array]:
+        F, Q = through(load, over)
         alone = np.where(kernel[:, None] & kernel, load.Qc, 0.0)
         rest = np.array_equal(alone, load.Qc)
-        return F, Q, Q if rest else discretize_steps(replace(load, Qc=alone), over)[1]
+        return F, Q, Q if rest else through(replace(load, Qc=alone), over)[1]
 
     @lru_cache(HASTES_HELD)
     def whole(haste: float) -> tuple[Process, tuple[Array, Array, Array]]:
         load = chain(haste)
-        return load, acting(load, lengths)
+        return load, acting(load, lengths, discretize_steps)
+
+    def within(loads: Sequence[Process], which: Indices, over: Array) -> Iterator[tuple[Array, Array, Array]]:
+        # parts stand in the order of the hastes that they have
+        if len(over) > ITERATIONS or loads[0].A.shape[-1] > ONE_LOAD:
+            return (acting(loads[k], over[which == k], discretize_steps) for k in np.unique(which))
+        A, Qc = (np.stack([getattr(load, name) for load in loads])[which] for name in ("A", "Qc"))
+        each = Process(A, Qc, A, A)
+        return iter([acting(each, over.reshape(-1, *[1] * (A.ndim - 3)), discretize)] if len(over) else [])
 
     def forms(tried: Sequence[Pieces], split: Split) -> Forms:
         hastes, haste = np.unique(np.concatenate([one.haste for one in tried]), return_inverse=True)
         parts, part = np.unique(haste[split.inside] + 1j * np.round(split.length, 12), return_inverse=True)
         which, short = parts.real.astype(int), parts.imag
-        each = [whole(float(one)) for one in hastes]
-        # parts stand in the order of the hastes that they have
-        cut = [acting(each[k][0], short[which == k]) for k in np.unique(which)]
-        F, Q, own = (np.concatenate(some) for some in zip(*(found for _, found in each), *cut, strict=True))
+        loads, each = zip(*(whole(float(one)) for one in hastes), strict=True)
+        F, Q, own = (np.concatenate(some) for some in zip(*each, *within(loads, which, short), strict=True))
         of_step = np.arange(len(hastes) * len(lengths)).reshape(len(hastes), -1)
         duration = np.concatenate([np.tile(lengths, len(hastes)), short])
-        P0 = np.stack([load.P0 for load, _ in each])
+        P0 = np.stack([load.P0 for load in loads])
         return Forms(F, Q, own, P0, duration, of_step, length, of_step.size + part, haste)
 
     return forms

@@ -49,7 +49,8 @@ class Problem:
     errors follow each other, None for none; near, priors that those of the same lines are near to. Found:
     driven, the kinematics with the deformation taken out; noise_range, factors that the tuning may put on
     the noise; followed: whether how smooth a pose is tells of the noise of markers; notes, findings of
-    this pass; at_limit: by variable, whether the likelihood wanted less noise than it was allowed;
+    this pass; cut: the force as it may come in pieces, where that was looked at; at_limit: by variable,
+    whether the likelihood wanted less noise than it was allowed;
     apiece, priors tuned on a channel each; priors, flight and state; wild: what nothing explains;
     crowded: whether too many lines stand out for any to be one.
     Claimed: plain (time, 6, 6), the covariance of the wrench before allowances; gained: numbers of body
@@ -78,6 +79,7 @@ class Problem:
     noise_range: tuple[float, float] = (1.0, 1.0)
     followed: bool = True
     notes: tuple[Finding, ...] = ()
+    cut: LoadPrior | None = None
     at_limit: dict[str, bool] = field(default_factory=dict)
     apiece: dict[str, LoadPrior] = field(default_factory=dict)
     priors: dict[str, LoadPrior] = field(default_factory=dict)

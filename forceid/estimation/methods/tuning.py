@@ -54,7 +54,9 @@ def see_motion(problem: Problem) -> Problem:
         if found is not None:
             late = found[0] * found[1]
             said = (*said, note("frames-late", late_ms=1e3 * found[0]))
-    seen = replace(problem, errors=errors, late=late, noise_range=limits, followed=followed, notes=())
+    seen = replace(
+        problem, errors=errors, late=late, noise_range=limits, followed=followed, notes=(), cut=None
+    )
     return seen.seeing(kin).noting(*said)
 
 
@@ -169,11 +171,9 @@ def find_shared_errors(problem: Problem) -> Problem:
         return problem
     found = replace(problem, shared=shared, noise_range=alone, near={})
     found = tune_force(found.seeing(problem.driven.looked))
-    rival = in_pieces(settle_noise(problem), "force").priors[
-        "force"
-    ]  # a load may change its character instead
+    rival = in_pieces(settle_noise(problem), "force").priors["force"]  # a load may change its character
     if found.priors["force"].tuned.log_likelihood < rival.tuned.log_likelihood:
-        return problem
+        return replace(problem, cut=rival)
     held = 1 / shared.rate
     return found.noting(note("errors-of-all", std_mm=1e3 * shared.std, memory_s=held))
 
@@ -224,7 +224,10 @@ def cut_force(problem: Problem) -> Problem:
     """
     if "moment" in problem.priors and problem.priors["moment"].tuned.pieces is None:
         return problem  # as before
-    return in_pieces(problem, "force")
+    if problem.cut is None or problem.slow is not None:
+        return in_pieces(problem, "force")
+    priors = problem.priors if problem.cut.tuned.pieces is None else problem.priors | {"force": problem.cut}
+    return replace(problem, priors=priors, cut=None)
 
 
 @stage("moment")

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.polynomial.legendre import leggauss
 
 from forceid.estimation.loads.pieces.cells import OPEN, Cells, cells_beside, motion_in, step_of
 from forceid.estimation.loads.pieces.evidence import Evidence, hiding, of_any_size, settled
@@ -26,7 +27,7 @@ from forceid.significance import CHANCE, PATIENCE, SIGMAS
 HASTES = np.exp([1.5, 3.0, 4.5])  # rates of a load between two edges over that of the record
 REACHES = 2.0 ** np.arange(-3, 5)  # standard deviations, were it a parabola, up to which a place is tried
 IMPACT = 0.1  # steps: so short, its share of a cell is known to a tenth from its place
-PLACES = 9  # an odd number, by which an even distribution is known to 3 %
+AMONG, SHARES = (0.5 * (a + b) for a, b in zip(leggauss(5), (1.0, 0.0), strict=True))  # places, from 0 to 1
 TINY = np.finfo(float).tiny
 BENT = 1 / 32  # of a step: over which the likelihood is differenced, far less than a place is open
 
@@ -180,10 +181,12 @@ def places_of(evidence: Evidence, pieces: Pieces) -> Places:
     volume = level = float(evidence.likelihood([pieces]).sum())
     found = []
     for direction in directions(evidence, pieces):
-        far, tried = zip(*as_far_as_likely(evidence, pieces, direction), strict=True)
+        first, last = as_far_as_likely(evidence, pieces, direction, level)
+        tried = [moved_by(pieces, far * direction) for far in first + (last - first) * AMONG]
         likely = evidence.likelihood(tried).sum(1) - level
-        share = np.exp(likely - likely.max())
-        volume += float(likely.max() + np.log(share.mean() * np.ptp(far) * np.linalg.norm(direction) + TINY))
+        share = SHARES * np.exp(likely - likely.max())
+        wide = (last - first) * float(np.linalg.norm(direction))
+        volume += float(likely.max() + np.log(share.sum() * wide + TINY))
         found.append(list(zip((share / share.sum()).tolist(), tried, strict=True)))
     return Places(pieces, found, volume)
 
@@ -224,19 +227,21 @@ def directions(evidence: Evidence, pieces: Pieces) -> Array:
     return np.asarray(std[:, None] * axes.T)
 
 
-def as_far_as_likely(evidence: Evidence, pieces: Pieces, direction: Array) -> list[tuple[float, Pieces]]:
-    """Pieces with their edges moved along a direction (edge,) s, evenly as far as is likely, and how far.
+def as_far_as_likely(
+    evidence: Evidence, pieces: Pieces, direction: Array, level: float
+) -> tuple[float, float]:
+    """How far back and ahead along a direction (edge,) s edges may lie; level: the likelihood of pieces.
 
     The likelihood bends elsewhere than here: a piece within a step may well be longer, but for some steps.
     """
-    time, level = evidence.channel.time, evidence.likelihood([pieces]).sum()
-    most, ends = OPEN * step_of(evidence.channel) / float(np.abs(direction).max()), [0.0, 0.0]
+    time, ends = evidence.channel.time, [0.0, 0.0]
+    most = OPEN * step_of(evidence.channel) / float(np.abs(direction).max())
     for side, sign in enumerate((-1.0, 1.0)):
         far = [s for s in sign * REACHES if abs(s) <= most and shifted_by(time, pieces, s * direction)]
         if far:
             lost = level - evidence.likelihood([moved_by(pieces, s * direction) for s in far]).sum(1)
             ends[side] = far[min(int(np.cumprod(lost < 0.5 * SIGMAS**2).sum()), len(far) - 1)]
-    return [(s, moved_by(pieces, s * direction)) for s in np.linspace(ends[0], ends[1], PLACES)]
+    return ends[0], ends[1]
 
 
 def shifted_by(time: Array, pieces: Pieces, move: Array) -> Pieces | None:
