@@ -70,12 +70,12 @@ def tune_together(
 
     def searched(about: Reference) -> tuple[Flight, LoadPrior | None, LoadPrior]:
         nonlocal spread
-        part = middle(len(flight.time), FLIGHT_SAMPLES)
-        cut, near = flight_segment(flight, part), reference_segment(about, part)
         if force is None:
-            half = partial(of_half, cut, moment, near, engine)
+            half = partial(of_half, flight, moment, about, engine)
             by, spread = ascended(half, np.zeros(2), spread_about(half, 2) if spread is None else spread)
             return flight, force, moment.moved(by)
+        part = middle(len(flight.time), FLIGHT_SAMPLES)
+        cut, near = flight_segment(flight, part), reference_segment(about, part)
         push, bent = force, flexed(cut, near)  # a step along one load leaves the model of the other as it was
         read = None if cut.sensors is None else read_of(cut, push, moment, near)
 
@@ -159,8 +159,7 @@ def by_the_flight(
             break
     if about is None:
         return priors
-    part = middle(len(flight.time), FLIGHT_SAMPLES)
-    half = partial(of_half, flight_segment(flight, part), moment, reference_segment(about, part), engine)
+    half = partial(of_half, flight, moment, about, engine)  # a moment may come late
     try:
         size = max(LARGER_BY, key=lambda one: half(np.array([np.log(one), 0.0])))
         moment = moment.with_kernel(moment.kernel.scaled(size))

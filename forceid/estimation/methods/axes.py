@@ -22,6 +22,7 @@ from forceid.estimation.methods.tuning import as_on_modes, orders_asked, stated_
 from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.flight.model import seen_part
 from forceid.flight.priors.protocol import LoadPrior
+from forceid.kalman.model import StateSpace
 from forceid.records import Array
 from forceid.significance import CHANCE, PATIENCE
 from forceid.timing import stage
@@ -123,8 +124,12 @@ def along_body(problem: Problem, load: str) -> BodyAxes | None:
         return None
     best = max(kept, key=lambda one: one.tuned.log_likelihood - PATIENCE * len(one.lines))
     if by_flight:
-        found = best
-        best = best.moved(bfgs_maximum(lambda by: by_itself(problem, load, found.moved(by))[0], np.zeros(2)))
+        found, passes = best, problem.engine
+        best = best.moved(
+            bfgs_maximum(
+                lambda by: float(passes.log_likelihood(*half_of(problem, load, found.moved(by)))), np.zeros(2)
+            )
+        )
     best = as_on_modes(problem, best, np.sqrt(moved_by(problem, load, best)))
     (own, turned), (stated, still) = by_itself(problem, load, best), by_itself(problem, load, prior)
     gain = own - stated + PATIENCE * (len(prior.lines) - len(best.lines))
@@ -144,15 +149,18 @@ def moved_by(problem: Problem, load: str, prior: LoadPrior) -> Array:
     return np.full(3, inertia.mass) if load == "force" else np.diagonal(axes.T @ inertia.tensor @ axes)
 
 
-def by_itself(problem: Problem, load: str, prior: LoadPrior) -> tuple[float, Array]:
-    """Log-likelihood of what a load moves by itself, about the flight solved, and the load (time, 3) so."""
+def half_of(problem: Problem, load: str, prior: LoadPrior) -> tuple[StateSpace, Array]:
+    """The model of what a load moves by itself, about the flight solved, and what shows that."""
     flight, about = problem.flight, problem.state.reference
     assert about is not None
     if load == "force":
-        model, z = seen_part(flight, prior, carrier=about.rotation)
-    else:
-        model, z = seen_part(flight, prior, about if prior is about.moment else about.under(prior))
-    filtered, x = problem.engine.filter_and_smooth_states(model, z)
+        return seen_part(flight, prior, carrier=about.rotation)
+    return seen_part(flight, prior, about if prior is about.moment else about.under(prior))
+
+
+def by_itself(problem: Problem, load: str, prior: LoadPrior) -> tuple[float, Array]:
+    """Log-likelihood of what a load moves by itself, about the flight solved, and the load (time, 3) so."""
+    filtered, x = problem.engine.filter_and_smooth_states(*half_of(problem, load, prior))
     x = filtered.x if problem.causal else x
     return float(filtered.log_likelihood), prior.read(x[:, : prior.states])[1]
 
