@@ -18,7 +18,6 @@ from scipy.linalg import block_diag
 from forceid.errors import EstimationError
 from forceid.estimation.loads.ascent import ascended, spread_about
 from forceid.estimation.loads.lines import ROUNDS
-from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.channels import FLIGHT_SAMPLES, middle
 from forceid.flight.model import (
     Flight,
@@ -37,7 +36,7 @@ from forceid.flight.tuning import LEAK
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
-from forceid.significance import NUMBER, OUTLIER, PATIENCE
+from forceid.significance import NUMBER, OUTLIER, PATIENCE, SIGMAS
 
 MODELS_HELD = 3  # of each load, at hand: that of a point, and of steps from it along level and rate
 LARGER_BY = np.exp(np.arange(13.0))  # of a moment over that which a channel took for none: up to five decades
@@ -135,20 +134,24 @@ def tune_together(
 
 
 def contradicted(state: FlightState) -> bool:
-    """Whether rotations contradict the prior of the moment; wild ones do not: no prior explains them."""
+    """Whether rotations are off what their prior expects by more than chance; wild ones do not count: no
+    prior explains them.
+    """
     white = np.clip(state.innovation[:, 3:6], -OUTLIER, OUTLIER)
-    return bool(np.isfinite(white).any() and np.nanmean(white**2) > NIS_BAND[1])
+    known = int(np.isfinite(white).sum())
+    return bool(known and np.nanmean(white**2) > 1 + SIGMAS * np.sqrt(2 / known))
 
 
 def by_the_flight(
     flight: Flight, priors: dict[str, LoadPrior], about: Reference | None, engine: Engine
 ) -> dict[str, LoadPrior]:
-    """The priors of a flight, that of its moment by its own likelihood about a reference.
+    """The priors of a flight, that of its moment by its own likelihood about a reference; as they are where
+    no moment along all axes alike is e^PATIENCE times as likely.
 
-    Errors of a rotation turn the momentum of a fast spin, so that its first moment shows little of the
-    moment; the flight itself shows it. A moment that the channel took for none is so small that no step from
-    it changes the likelihood: the search begins at its likeliest size. Where no path came to rest under it
-    (None), about that under the smallest larger one which lets one.
+    Errors of a rotation turn the momentum of a fast spin, so that its channel shows little of the moment, or
+    of it along some axes; the flight itself shows it, whenever it comes. A moment that the channel took for
+    none is so small that no step from it changes the likelihood: the search begins at its likeliest size.
+    Where no path came to rest under it (None), about that under the smallest larger one which lets one.
     """
     moment = priors["moment"]
     first = first_reference(flight, moment) if about is None else about
@@ -159,10 +162,12 @@ def by_the_flight(
             break
     if about is None:
         return priors
-    half = partial(of_half, flight, moment, about, engine)  # a moment may come late
+    known, alike = (partial(of_half, flight, one, about, engine) for one in (moment, moment.alike()))
     try:
-        size = max(LARGER_BY, key=lambda one: half(np.array([np.log(one), 0.0])))
-        moment = moment.with_kernel(moment.kernel.scaled(size))
+        each = [alike(np.array([np.log(one), 0.0])) for one in LARGER_BY]
+        if not max(each) > known(np.zeros(2)) + PATIENCE:
+            return priors
+        moment = moment.with_kernel(moment.kernel.scaled(LARGER_BY[int(np.argmax(each))]))
         moment = tune_together(flight, None, moment, engine, first=about)[2]
     except EstimationError:
         return priors
