@@ -16,6 +16,7 @@ from forceid.cli.boundary.completion import words_of
 from forceid.cli.boundary.output import describe, summary, to_json
 from forceid.cli.boundary.terminal import LOUDNESS, note, tell
 from forceid.errors import DataError, EstimationError
+from forceid.memory import keep_freed
 
 if TYPE_CHECKING:
     from forceid.config import Settings
@@ -127,6 +128,7 @@ def estimate_file(
 
     from forceid.timing import in_order, recorded, stage
 
+    keep_freed()
     with recorded() as spent, stage("loading"):
         from forceid.estimation import estimate_source, unwatched
         from forceid.files import check_output, write_result
