@@ -158,6 +158,9 @@ def estimate_beside(
             solution, choice = instead
         solution = with_known_axes(solution)
     doubt = settings.body_std
+    if solution.wrong_mass and not doubt.mass:
+        doubt = doubt.model_copy(update={"mass": solution.wrong_mass})
+        solution = replace(solution, findings=(*solution.findings, note("mass-told", part=100 * doubt.mass)))
     if solution.kinematics.model == SEGMENTS:  # whose claims have the place of their mass by now
         doubt = doubt.model_copy(update={"mass_center": 0.0})
     open_state = with_uncertain_body(solution.state, solution.kinematics, solution.deformation, doubt)

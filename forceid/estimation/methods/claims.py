@@ -160,8 +160,8 @@ def allow_for_priors(problem: Problem) -> Problem:
     shown = {load: (looks[load].beside(slice(-a.shape[2], None)), std) for load, (a, std) in told.items()}
     doubt = {"force": problem.settings.body_std.mass_center, "moment": problem.settings.body_std.inertia}
     unsaid = {load: one for load, one in shown.items() if not doubt[load]}
-    growth, said = body_told.allow_for_told(unsaid, state, growth)
-    problem = problem.noting(*said)
+    growth, wrong_mass, said = body_told.allow_for_told(unsaid, state, growth)
+    problem = replace(problem, wrong_mass=wrong_mass).noting(*said)
     # the saw teeth of rounding would pass for a shape that rings
     rounded = problem.rounding > TENTH * kin.noise.get("position", np.inf)
     shape = None if rounded else markers_beside_pose(kin, looks)
@@ -269,4 +269,5 @@ def solution_of(problem: Problem) -> Solution:
         problem.looks,
         rivals=problem.rivals,
         between=problem.between,
+        wrong_mass=problem.wrong_mass,
     )

@@ -57,7 +57,7 @@ class Problem:
     axes; between (time, 6, 6): variance of the wrench between axes of its loads that the record does not
     tell apart; growth: of the errors claimed, moving: of those of affine modes; impulses:
     of loads that come in pieces; ringing: loads that may ring with the body unseen; looks: channels as
-    their priors whiten them.
+    their priors whiten them; wrong_mass: part by which the mass may be told wrong.
     """
 
     body: Body
@@ -96,6 +96,7 @@ class Problem:
     ringing: Ringing | None = None
     looks: Mapping[str, Whitened] = field(default_factory=dict)
     rivals: Rivals | None = None
+    wrong_mass: float = 0.0
 
     @property
     def kin(self) -> Kinematics:
@@ -214,7 +215,8 @@ class Solution:
     that the record does not tell apart. Levels are compared without them. impulses: of loads that come in
     pieces; shown (6,): variance of the wrench that its innovations show at least, NaN where they do not;
     ringing: loads that may ring with the body unseen; looks: channels as their priors whiten them; modal:
-    forces on modes, where the method tells them itself; rivals: what other priors make of the growth.
+    forces on modes, where the method tells them itself; rivals: what other priors make of the growth;
+    wrong_mass: part of itself by which the mass may be told wrong, as far as the record shows.
     """
 
     kinematics: Kinematics
@@ -236,6 +238,7 @@ class Solution:
     modal: ModalForces | None = None
     rivals: Rivals | None = None
     between: Array | float = 0.0
+    wrong_mass: float = 0.0
 
     @property
     def grown(self) -> Array | None:

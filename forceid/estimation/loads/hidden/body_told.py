@@ -4,8 +4,9 @@ A center told d beside its place, body axes, is seen at c + R d, and m (R d)'' p
 told dJ too large makes R dJ omega of angular momentum, and the rate of that passes for moment. Where the body
 deforms by a map F, both do with it. These are patterns that the motion fixes, and the record is more or less
 likely with them: beforehand as likely as none, of the size that usual measurements leave. The prior of the
-load has grown to what such a pattern passed for, so that smaller loads are tried beside it. Who states how
-well the body is known (body_std) is believed.
+load has grown to what such a pattern passed for, so that smaller loads are tried beside it. Of a mass no
+motion tells. Who is seen to have told one of the three wrong is believed in none; who states how well the
+body is known (body_std) is believed.
 Source: principal equations 2.4, 2.6.
 """
 
@@ -33,7 +34,7 @@ BALANCED = 0.01  # of the length of a body: as near its mass center is found by 
 SIZES = 10  # of a load, each half of the last: to a thousandth
 OWN = {"force": slice(0, 3), "moment": slice(3, 6)}
 SAID = {"force": ("center-told", "N", 1e3), "moment": ("inertia-told", "N m", 100.0)}  # in mm, in percent
-SWUNG = 0.02  # of moments of inertia: as well they are known by swings of a body on wires
+SWUNG = 0.02  # of moments of inertia, and the mass in them: as well they are known by swings on wires
 
 
 def balanced(inertia: Inertia) -> float:
@@ -100,15 +101,17 @@ def wrongs(told: Mapping[str, tuple[Whitened, float]], state: FlightState, growt
 
 def allow_for_told(
     told: Mapping[str, tuple[Whitened, float]], state: FlightState, growth: Array
-) -> tuple[Array, tuple[Finding, ...]]:
+) -> tuple[Array, float, tuple[Finding, ...]]:
     """Growth ([time,] 6, 6) of claimed errors that allows for a body told wrong; findings where that matters.
 
-    told: as of `wrongs`. Who is seen to have measured the one badly did the other, as far as that is open.
+    And the part of itself by which the mass may be told wrong. told: as of `wrongs`. Who is seen to have
+    measured the one badly did the others, as far as that is open.
     """
     each, said = list(wrongs(told, state, growth)), []
     best = max((one.gained for one in each), default=0.0)
+    badly = best > np.log(STRONG)
     for one in each:
-        odds = np.exp(best if best > np.log(STRONG) else one.gained)
+        odds = np.exp(best if badly else one.gained)
         ratio = odds / (1 + odds) * (one.off / one.claimed) ** 2
         further = np.tile(np.eye(6), (*one.axes.shape[:-2], 1, 1))
         further[..., OWN[one.load], OWN[one.load]] = one.axes * np.sqrt(1 + ratio) @ one.axes.mT
@@ -117,7 +120,7 @@ def allow_for_told(
             code, unit, scale = SAID[one.load]
             amount, made = scale * float(np.linalg.norm(one.amounts)), float(np.linalg.norm(one.off))
             said.append(note(code, amount=amount, made=made, found=found_of(state, one.load), unit=unit))
-    return growth, tuple(said)
+    return growth, SWUNG if badly else 0.0, tuple(said)
 
 
 def found_of(state: FlightState, load: str) -> float:
