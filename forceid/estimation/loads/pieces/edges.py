@@ -27,7 +27,9 @@ from forceid.significance import CHANCE, PATIENCE, SIGMAS
 HASTES = np.exp([1.5, 3.0, 4.5])  # rates of a load between two edges over that of the record
 REACHES = 2.0 ** np.arange(-3, 5)  # standard deviations, were it a parabola, up to which a place is tried
 IMPACT = 0.1  # steps: so short, its share of a cell is known to a tenth from its place
-AMONG, SHARES = (0.5 * (a + b) for a, b in zip(leggauss(5), (1.0, 0.0), strict=True))  # places, from 0 to 1
+AMONG, AMONG_SHARES = (
+    0.5 * (a + b) for a, b in zip(leggauss(5), (1.0, 0.0), strict=True)
+)  # places, from 0 to 1
 TINY = np.finfo(float).tiny
 BENT = 1 / 32  # of a step: over which the likelihood is differenced, far less than a place is open
 
@@ -184,7 +186,7 @@ def places_of(evidence: Evidence, pieces: Pieces) -> Places:
         first, last = as_far_as_likely(evidence, pieces, direction, level)
         tried = [moved_by(pieces, far * direction) for far in first + (last - first) * AMONG]
         likely = evidence.likelihood(tried).sum(1) - level
-        share = SHARES * np.exp(likely - likely.max())
+        share = AMONG_SHARES * np.exp(likely - likely.max())
         wide = (last - first) * float(np.linalg.norm(direction))
         volume += float(likely.max() + np.log(share.sum() * wide + TINY))
         found.append(list(zip((share / share.sum()).tolist(), tried, strict=True)))
