@@ -11,7 +11,7 @@ from scipy.special import gamma, kv
 
 from forceid.kalman.building.clock import discretize_steps
 from forceid.kalman.building.process import Process, block_diagonal, matern, matern_density
-from forceid.kalman.model import StateSpace
+from forceid.kalman.model import StateSpace, at_all_times, same_at_all_times
 from forceid.records import Array
 from forceid.significance import WHOLE
 
@@ -73,13 +73,16 @@ class Color:
         root = np.sqrt(self.share) * root if self.size is None else self.size * np.eye(*root.shape[1:])
         unique, which = np.unique(np.round(step, 12), return_inverse=True)
         each = discretize_steps(one, unique)
-        F, Q = (np.asarray(np.kron(np.eye(errors), a)[which], float) for a in each)
+        F, Q = (np.asarray(np.kron(np.eye(errors), a), float) for a in each)
+        if len(unique) > 1:
+            F, Q = F[which], Q[which]
         H = np.zeros((T, root.shape[-2], errors * self.order))
         H[..., :: self.order] = root
         more = F.shape[-1]
 
         def beyond(own: Array, further: Array) -> Array:
-            return block_diagonal(np.broadcast_to(own, (T - 1, *own.shape[-2:])), further)
+            own = own.reshape(-1, *own.shape[-2:])
+            return at_all_times(block_diagonal(own[:1] if same_at_all_times(own) else own, further), T - 1)
 
         return StateSpace(
             beyond(model.F, F), beyond(model.Q, Q),
