@@ -164,10 +164,11 @@ def by_the_flight(
         return priors
     known, alike = (partial(of_half, flight, one, about, engine) for one in (moment, moment.alike()))
     try:
-        each = [alike(np.array([np.log(one), 0.0])) for one in LARGER_BY]
-        if not max(each) > known(np.zeros(2)) + PATIENCE:
+        each = {float(one): alike(np.array([np.log(one), 0.0])) for one in LARGER_BY}
+        size = max(each, key=lambda one: each[one])
+        if not each[size] > known(np.zeros(2)) + PATIENCE:
             return priors
-        moment = moment.with_kernel(moment.kernel.scaled(LARGER_BY[int(np.argmax(each))]))
+        moment = moment.with_kernel(moment.kernel.scaled(size))
         moment = tune_together(flight, None, moment, engine, first=about)[2]
     except EstimationError:
         return priors
