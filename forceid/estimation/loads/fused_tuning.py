@@ -153,9 +153,9 @@ def by_the_flight(
     none is so small that no step from it changes the likelihood: the search begins at its likeliest size.
     Where no path came to rest under it (None), about that under the smallest larger one which lets one.
     """
-    moment = priors["moment"]
+    moment, rests = priors["moment"], about is not None
     first = first_reference(flight, moment) if about is None else about
-    for size in () if about is not None else LARGER_BY[1:]:
+    for size in () if rests else LARGER_BY[1:]:
         larger = moment.with_kernel(moment.kernel.scaled(size))
         with suppress(EstimationError):
             about = settled(flight, None, larger, engine, replace(first, moment=larger))[2]
@@ -166,7 +166,7 @@ def by_the_flight(
     try:
         each = {float(one): alike(np.array([np.log(one), 0.0])) for one in LARGER_BY}
         size = max(each, key=lambda one: each[one])
-        if not each[size] > known(np.zeros(2)) + PATIENCE:
+        if rests and not each[size] > known(np.zeros(2)) + PATIENCE:
             return priors
         moment = moment.with_kernel(moment.kernel.scaled(size))
         moment = tune_together(flight, None, moment, engine, first=about)[2]
