@@ -86,7 +86,8 @@ def cleaned(body: Body, motion: Motion, kin: Kinematics | None = None) -> tuple[
         return without_wild_rates(motion)
     cut, axis, edge = clipped(motion.position)
     mended = Mended(stuck=int(cut.any(1).sum()), frames=len(cut), axis=axis, edge=edge)
-    position, traded = unswap(np.where(cut[..., None], np.nan, motion.position))
+    known = np.where(cut[..., None], np.nan, motion.position) if cut.any() else motion.position
+    position, traded = unswap(known)
     if traded:
         names, first = tuple(sorted({body.node[t.channel] for t in traded})), motion.time[traded[0].sample]
         mended = replace(mended, exchanged=names, exchanges=len(traded) // 2, exchanged_s=float(first))

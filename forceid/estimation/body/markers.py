@@ -98,7 +98,7 @@ def markers_of(body: Body, motion: Motion, noise: dict[str, Array], stated: bool
     check_scale(x, X)
     seen = np.any(np.isfinite(x).all(2), axis=0)
     filled = np.zeros(x.shape[:2]) if motion.bridged is None else np.nan_to_num(motion.bridged)
-    measured = np.where(filled[..., None] > 0, np.nan, x)
+    measured = np.where(filled[..., None] > 0, np.nan, x) if filled.any() else x
     # the better half of the frames tells the shapes: where half of them are whole, no bridge does
     best = (filled.sum(1) <= np.median(filled.sum(1)))[:, None, None]
     root = noise["position"] if "position" in noise else marker_noise(motion.time, measured) * np.eye(3)
@@ -111,10 +111,11 @@ def markers_of(body: Body, motion: Motion, noise: dict[str, Array], stated: bool
     if oriented:
         modes = None if thin.on_line or thin.point else modes_of(body, inertia)
         var = np.where(best[..., 0], filled, 0.0).sum(0) / best.sum()
-        shape = spinning_shape(motion.time, np.where(best, x, np.nan), X, inertia, modes, weight, sigma, var)
+        told = x if best.all() else np.where(best, x, np.nan)
+        shape = spinning_shape(motion.time, told, X, inertia, modes, weight, sigma, var)
         # in the gauge of the weights, before any marker's noise is weighed
-        center, R = fit_rotation(x, shape, weight)
-        residual = np.where(best, body_axes(x, center, R) - shape, np.nan)
+        residual = body_axes(told, *fit_rotation(x, shape, weight))
+        residual -= shape
     return MarkerSet(
         body, motion.time, x, filled, measured, inertia, thin, X, seen, root, stated, mean, oriented, weight,
         modes, shape, residual, motion.known, momentum_inside(body, motion),
