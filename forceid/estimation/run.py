@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
-from forceid.config import Settings, to_toml
+from forceid.config import BodyStdSetting, Settings, to_toml
 from forceid.errors import ConfigError, DataError, EstimationError
 from forceid.estimation.affine.first_moments import given_stress, observed_first_moments, polar_motion
 from forceid.estimation.applied import about_point, applied_loads, check_points, lever
@@ -58,7 +58,7 @@ from forceid.estimation.verdict.loads import (
     judge_overlap,
     judge_roughness,
 )
-from forceid.estimation.verdict.sensitivity import body_sensitivity
+from forceid.estimation.verdict.sensitivity import body_sensitivity, length
 from forceid.estimation.verdict.shape import (
     judge_answers,
     judge_common,
@@ -157,10 +157,7 @@ def estimate_beside(
                 raise
             solution, choice = instead
         solution = with_known_axes(solution)
-    doubt = settings.body_std
-    if solution.wrong_mass and not doubt.mass:
-        doubt = doubt.model_copy(update={"mass": solution.wrong_mass})
-        solution = replace(solution, findings=(*solution.findings, note("mass-told", part=100 * doubt.mass)))
+    doubt, solution = with_mass_in_doubt(settings.body_std, solution)
     if solution.kinematics.model == SEGMENTS:  # whose claims have the place of their mass by now
         doubt = doubt.model_copy(update={"mass_center": 0.0})
     open_state = with_uncertain_body(solution.state, solution.kinematics, solution.deformation, doubt)
@@ -184,6 +181,17 @@ def estimate_beside(
         result = replace(result, flown=replace(result.flown, current_mass=share * result.mass))
     result = replace(result, witness=witness, model_choice=choice.sentence, ladder=choice.numbers())
     return result, solution
+
+
+def with_mass_in_doubt(doubt: BodyStdSetting, solution: Solution) -> tuple[BodyStdSetting, Solution]:
+    """How well a body is known whose mass may be told wrong; the solution says so where it matters."""
+    if not solution.wrong_mass or doubt.mass:
+        return doubt, solution
+    claimed = np.sqrt(np.nanmean(np.trace(solution.state.wrench_cov[:, :3, :3], axis1=1, axis2=2)))
+    if solution.wrong_mass * length(solution.state.force) > claimed:
+        said = note("mass-told", part=100 * solution.wrong_mass)
+        solution = replace(solution, findings=(*solution.findings, said))
+    return doubt.model_copy(update={"mass": solution.wrong_mass}), solution
 
 
 def by_masses_alone(

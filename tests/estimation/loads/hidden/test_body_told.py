@@ -77,18 +77,20 @@ def test_a_force_that_a_wrong_center_makes_in_a_body_that_stretches_is_within_it
 
 @pytest.mark.long
 def test_who_told_the_center_wrong_is_not_believed_in_the_mass():
-    off, seen = 3 * BALANCED * float(np.sqrt((EDGES**2).sum())), 0
-    for seed, wrong in ((seed, wrong) for seed in range(12) for wrong in (off, 0.0)):
-        one = thrown(seed, wrong)
+    """A box that is carried, its mass told 3 % too large: of that alone no motion tells."""
+    off = 3 * BALANCED * float(np.sqrt((EDGES**2).sum()))
+    over, doubted = {False: [], True: []}, {False: [], True: []}
+    for seed, wrong in ((seed, wrong) for seed in range(12) for wrong in (False, True)):
+        one = thrown(seed, off * wrong)
         carried = replace(one.motion, gravity=np.array([0.0, 0.0, -9.81]))
         told = replace(one, motion=carried, body=replace(one.body, total_mass=1.03))
         found = estimate_recording(told, load_settings(model="rigid"))
-        doubted = any(finding.code == "mass-told" for finding in found.verdict.findings)
         error = judged_part(found.force - [0.0, 0.0, 9.81])
-        over = np.sqrt((error**2).sum() / (judged_part(found.force_std) ** 2).sum())
-        assert over < 2 if doubted else over > 2  # of the mass alone nothing tells
-        seen += doubted if wrong else -doubted
-    assert seen > 6
+        over[wrong].append(np.sqrt((error**2).sum() / (judged_part(found.force_std) ** 2).sum()))
+        doubted[wrong].append(any(finding.code == "mass-told" for finding in found.verdict.findings))
+    assert np.mean(np.array(over[True]) < 2) > 0.7
+    assert min(over[False]) > 100
+    assert any(doubted[True]) and not any(doubted[False])
 
 
 def test_what_a_rigid_body_told_wrong_makes_is_its_inertia_times_its_spin():
