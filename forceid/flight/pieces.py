@@ -8,7 +8,7 @@ covariance that depends on time.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TypeAlias
@@ -150,13 +150,13 @@ def forms_over(
         load = chain(haste)
         return load, acting(load, lengths, discretize_steps)
 
-    def within(loads: Sequence[Process], which: Indices, over: Array) -> Iterator[tuple[Array, Array, Array]]:
+    def within(loads: Sequence[Process], which: Indices, over: Array) -> list[tuple[Array, Array, Array]]:
         # parts stand in the order of the hastes that they have
-        if len(over) > ITERATIONS or loads[0].A.shape[-1] > ONE_LOAD:
-            return (acting(loads[k], over[which == k], discretize_steps) for k in np.unique(which))
+        if not 0 < len(over) <= ITERATIONS or loads[0].A.shape[-1] > ONE_LOAD:
+            return [acting(loads[k], over[which == k], discretize_steps) for k in np.unique(which)]
         A, Qc = (np.stack([getattr(load, name) for load in loads])[which] for name in ("A", "Qc"))
         each = Process(A, Qc, A, A)
-        return iter([acting(each, over.reshape(-1, *[1] * (A.ndim - 3)), discretize)] if len(over) else [])
+        return [acting(each, over.reshape(-1, *[1] * (A.ndim - 3)), discretize)]
 
     def forms(tried: Sequence[Pieces], split: Split) -> Forms:
         hastes, haste = np.unique(np.concatenate([one.haste for one in tried]), return_inverse=True)
