@@ -6,10 +6,7 @@ import os
 from contextlib import suppress
 
 UNKNOWN = 4 << 30  # bytes, where the system does not tell: what a laptop has
-KEPT = {
-    -3: 1 << 25,
-    -1: 1 << 28,
-}  # bytes, by option of glibc: arrays below, freed memory up to that stay at hand
+KEPT = {-3: 1 << 25, -1: 1 << 28}  # bytes, by option of glibc: arrays below, and freed memory, stay
 
 
 def memory_limit() -> int:

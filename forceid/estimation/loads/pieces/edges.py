@@ -27,9 +27,7 @@ from forceid.significance import CHANCE, PATIENCE, SIGMAS
 HASTES = np.exp([1.5, 3.0, 4.5])  # rates of a load between two edges over that of the record
 REACHES = 2.0 ** np.arange(-3, 5)  # standard deviations, were it a parabola, up to which a place is tried
 IMPACT = 0.1  # steps: so short, its share of a cell is known to a tenth from its place
-AMONG, AMONG_SHARES = (
-    0.5 * (a + b) for a, b in zip(leggauss(5), (1.0, 0.0), strict=True)
-)  # places, from 0 to 1
+AMONG, AMONG_SHARES = 0.5 + 0.5 * leggauss(5)[0], 0.5 * leggauss(5)[1]  # of a way: exact to x^9
 TINY = np.finfo(float).tiny
 BENT = 1 / 32  # of a step: over which the likelihood is differenced, far less than a place is open
 
