@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, create_model, model_validator
 
-from forceid.config import RotorSetting, Section, Vector, read_toml, validate
+from forceid.config import RotorSetting, Vector
 from forceid.errors import ConfigError
 from forceid.records import SENSED, SENSOR
+from forceid.sections import Section, read_toml, validate
 
 Columns = tuple[str, str, str]
 Dim = Literal["time", "node", "axis"]

@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forceid.config import LoadSetting, Settings, key_paths, load_settings, read_toml, to_toml, validate
+from forceid.config import LoadSetting, Settings, load_settings
 from forceid.errors import ConfigError
 from forceid.import_settings import ImportSettings, load_import_settings
 from forceid.laws import law_setting
+from forceid.sections import key_paths, read_toml, to_toml, validate
 
 CONFIG = Path(__file__).parents[1] / "config"
 

@@ -36,9 +36,9 @@ def run(
 
     Example: forceid coefficients throws/*.result.h5 -c law.toml -o model.toml
     """
-    from forceid.config import read_toml
     from forceid.files import check_output, read_result
     from forceid.laws import fit_flights, law_setting
+    from forceid.sections import read_toml
 
     if output is not None:
         if output.suffix not in (TABLE, GROUPS):

@@ -24,7 +24,8 @@ def run(
     Example: forceid settings > forceid.toml
     """
     from forceid.cli.boundary.thresholds import chosen_numbers
-    from forceid.config import Settings, to_toml
+    from forceid.config import Settings
+    from forceid.sections import to_toml
 
     if not thresholds:
         tell(to_json(Settings().model_dump()) if json else to_toml(Settings()).rstrip())

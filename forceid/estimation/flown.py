@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from forceid.config import Settings
 from forceid.estimation.loads.channels import flight_of
 from forceid.estimation.methods.problem import Smoothing, Solution
-from forceid.flight.model import flexed, linear_flight, seen_part
+from forceid.flight.path.linear import flexed, linear_flight, seen_part
 from forceid.flight.priors.protocol import MOMENTUM
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine, engine

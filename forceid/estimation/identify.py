@@ -21,7 +21,7 @@ from forceid.estimation.body.deforming.modes import fit_amplitudes
 from forceid.estimation.body.markers import markers_of
 from forceid.estimation.body.material import law_name
 from forceid.estimation.body.tracks.noise_axes import as_stated
-from forceid.estimation.run import with_stated
+from forceid.estimation.stated import with_stated
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import FEW, judge
 from forceid.principal import summation_operator

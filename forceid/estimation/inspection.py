@@ -24,7 +24,7 @@ from forceid.estimation.methods.imu_only import (
     unmarked_flight,
     unmarked_kinematics,
 )
-from forceid.estimation.run import check_stiffness, with_stated, without_mechanism
+from forceid.estimation.stated import check_stiffness, with_stated, without_mechanism
 from forceid.estimation.verdict.finding import judge_leakage, judge_recording, refusing
 from forceid.estimation.verdict.leakage import Leakage, leakage
 from forceid.estimation.verdict.sensitivity import Budget, body_sensitivity

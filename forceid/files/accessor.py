@@ -10,7 +10,7 @@ import numpy as np
 
 import forceid
 from forceid.errors import DataError
-from forceid.files.parse import likeliest_name
+from forceid.files.values import likeliest_name
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,11 +11,12 @@ import xarray as xr
 
 from forceid.errors import ConfigError, DataError
 from forceid.files.formats.segments import first_complete, known_name
-from forceid.files.parse import Stored, parse_recording
+from forceid.files.parse import parse_recording
 from forceid.files.schema import BODY, LABELS, MOTION
 from forceid.files.tables import columns_of, points_of
 from forceid.files.tree import tree_from_recording
 from forceid.files.units import si_factor
+from forceid.files.values import Stored
 from forceid.records import Variable
 
 WHERE = "arrays"  # what errors call the source

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.files.parse import Stored, labels, read_gravity, read_variables, real_attr, text
+from forceid.files.parse import read_gravity, read_variables
 from forceid.files.schema import (
     AERO,
     AERO_QUANTITIES,
@@ -35,6 +35,7 @@ from forceid.files.stored.hdf5 import open_hdf5, source_group
 from forceid.files.stored.links import holds
 from forceid.files.stored.netcdf import write_groups
 from forceid.files.validate import checked_series
+from forceid.files.values import Stored, labels, real_attr, text
 from forceid.records import (
     Aero,
     Array,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from forceid.errors import ConfigError, DataError
-from forceid.files.parse import likeliest_name
+from forceid.files.values import likeliest_name
 from forceid.records import AXES, Array
 
 PATTERN = r"(?P<name>.+?)(?P<between>[ _.:\-/]?)(?P<axis>[xyzXYZ])"

@@ -13,10 +13,11 @@ import xarray as xr
 import forceid
 from forceid.errors import DataError
 from forceid.files.accessor import Accessor
-from forceid.files.parse import Stored, parse_recording
+from forceid.files.parse import parse_recording
 from forceid.files.schema import MATERIAL, Field, Group, estimate_groups, hash_arrays, motion_groups
 from forceid.files.stored.hdf5 import read_motion
 from forceid.files.stored.netcdf import write_groups
+from forceid.files.values import Stored
 from forceid.records import Estimate, Recording
 
 xr.register_datatree_accessor("forceid")(Accessor)  # type: ignore[no-untyped-call]

@@ -7,9 +7,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from forceid.aero import Flow, cross, density_of
-from forceid.config import AeroSetting, Section, Vector
+from forceid.config import AeroSetting, Vector
 from forceid.laws.state import State
 from forceid.records import Array
+from forceid.sections import Section
 
 WHOLE_BODY = ("lift", "drag", "side", "roll", "pitch", "yaw")
 BY_STRIPS = ("strip_lift", "strip_drag")

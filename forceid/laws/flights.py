@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from forceid.config import AeroSetting, Settings, validate
+from forceid.config import AeroSetting, Settings
 from forceid.errors import ConfigError, DataError, EstimationError
 from forceid.laws.beginning import begun
 from forceid.laws.choosing import choose, price
@@ -19,6 +19,7 @@ from forceid.laws.flying import Course
 from forceid.laws.law import RISE, Law, LawSetting, law_of
 from forceid.laws.spread import spread_of
 from forceid.records import Array, Estimate
+from forceid.sections import validate
 
 ROUNDS = 4  # of choosing terms about the law last fitted: the second agrees with the first, mostly
 

@@ -19,10 +19,11 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from forceid.aero import cross, dot
-from forceid.config import Section, Vector
+from forceid.config import Vector
 from forceid.laws.state import State
 from forceid.principal import cross_matrix
 from forceid.records import Array
+from forceid.sections import Section
 
 COMPONENTS = ("contact", "friction", "rolling")
 VARIABLES = ("depth", "depth_rate", "slip")

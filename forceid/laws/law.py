@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from forceid.aero import flow
-from forceid.config import AeroSetting, Section, Settings, validate
+from forceid.config import AeroSetting, Settings
 from forceid.errors import ConfigError
 from forceid.laws import ground
 from forceid.laws.air_components import BY_STRIPS, WHOLE_BODY, StripSetting, strip_fields, whole_body_fields
@@ -17,6 +17,7 @@ from forceid.laws.ground import Ground, GroundSetting, ground_of
 from forceid.laws.state import State
 from forceid.laws.terms import AIR, Term, Variables, term_of
 from forceid.records import Array
+from forceid.sections import Section, validate
 
 RISE = Term("height", lambda of, time: np.asarray(0.0), {})  # m, of the ground: no force of its own
 

@@ -23,10 +23,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from forceid.errors import DataError
-from forceid.files.parse import kind_of, likeliest_name, read_real, text, unpack
 from forceid.files.schema import BODY
 from forceid.files.stored.hdf5 import guarded, open_hdf5
 from forceid.files.units import si_factor
+from forceid.files.values import kind_of, likeliest_name, read_real, text, unpack
 from forceid.memory import memory_limit
 from forceid.records import Variable
 

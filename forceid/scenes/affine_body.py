@@ -13,10 +13,11 @@ import numpy as np
 from pydantic import Field, PositiveFloat
 from scipy.spatial.transform import Rotation
 
-from forceid.config import Section, Vector
+from forceid.config import Vector
 from forceid.records import Array, Body
 from forceid.scenes.drawn_loads import draw_periodic, waves
 from forceid.scenes.mechanics import KnownFlight, deforming_truth, solve_ode
+from forceid.sections import Section
 
 AFFINE_TOLERANCE = 1e-12
 

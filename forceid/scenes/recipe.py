@@ -10,7 +10,6 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from scipy.spatial.transform import Rotation
 
-from forceid.config import Section, read_toml, to_toml, validate
 from forceid.errors import ConfigError
 from forceid.records import Array, Motion, Recording
 from forceid.scenes.flights import (
@@ -26,6 +25,7 @@ from forceid.scenes.flights import (
     wobbling_drop,
 )
 from forceid.scenes.mechanics import KnownFlight
+from forceid.sections import Section, read_toml, to_toml, validate
 
 # each with its Parameters, fly(parameters, time) for the exact flight at sampled instants, and of a body with
 # sensors sensor_channels(parameters, channels seen, truth, rng): those channels and those of the sensors,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.linalg import polar
 
-from forceid.estimation.run import stretch_to
+from forceid.estimation.assembly import stretch_to
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

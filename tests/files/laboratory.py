@@ -7,10 +7,10 @@ import nptdms
 import numpy as np
 import pyuff
 
-from forceid.config import validate
 from forceid.errors import ForceIdError
 from forceid.files.formats.sources import import_sources
 from forceid.import_settings import ImportSettings
+from forceid.sections import validate
 
 N, RATE = 40, 200.0
 TIME = np.arange(N) / RATE

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from forceid.config import validate
 from forceid.errors import ConfigError, DataError
 from forceid.files.formats.bodies.body_file import body_of
 from forceid.files.formats.bodies.cad_text import cad_body, unit
 from forceid.files.formats.bodies.mass_properties import LARGEST
 from forceid.files.formats.sources import import_sources
 from forceid.import_settings import BodySetting, ImportSettings
+from forceid.sections import validate
 
 SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 LETTERS = "xyz"

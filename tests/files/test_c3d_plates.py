@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from forceid.cli.app import main
-from forceid.config import validate
 from forceid.errors import ConfigError
 from forceid.files import read_motion, read_result
 from forceid.files.formats.sources import import_sources, settings_for
 from forceid.import_settings import ImportSettings
+from forceid.sections import validate
 
 ezc3d = pytest.importorskip("ezc3d")
 RATE, TIMES, N, DEPTH = (

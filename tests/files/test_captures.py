@@ -11,12 +11,12 @@ from captures import Throw, y_up
 from laboratory import refusal
 
 from forceid.cli.app import main
-from forceid.config import validate
 from forceid.errors import ConfigError, DataError, ForceIdError
 from forceid.files import read_motion, read_result
 from forceid.files.formats.captures.table import FORMATS, format_of
 from forceid.files.formats.sources import import_sources, settings_for
 from forceid.import_settings import ImportSettings
+from forceid.sections import validate
 
 WRITTEN = 6e-7  # m: captures are written to a tenth of a micrometer, or to a micrometer
 MARKED = {"gravity": [0, 0, -9.81], "body": {"mass": captures.MASS}}

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from forceid.config import validate
 from forceid.errors import ConfigError
 from forceid.files.formats.segments import marker_clusters, mass_points, resting_markers
 from forceid.files.formats.sources import import_sources
@@ -11,6 +10,7 @@ from forceid.files.schema import motion_groups
 from forceid.files.stored.hdf5 import read_motion
 from forceid.files.stored.netcdf import write_groups
 from forceid.import_settings import ImportSettings
+from forceid.sections import validate
 
 NAMES = ("hip", "knee", "ankle", "t1", "t2", "s1", "s2")
 THIGH = {"name": "thigh", "mass": 6.0, "markers": {"hip": 0.6, "knee": 0.4}, "cluster": ["knee", "t1", "t2"]}

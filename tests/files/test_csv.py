@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import forceid
-from forceid.config import validate
 from forceid.errors import ConfigError, DataError
 from forceid.files.formats.sources import import_sources
 from forceid.files.stored.hdf5 import read_motion, write_motion
 from forceid.import_settings import ImportSettings, load_import_settings
+from forceid.sections import validate
 
 MEAN = {
     "gravity": [0, 0, -9.81],

@@ -4,12 +4,12 @@ import tomllib
 import numpy as np
 import pytest
 
-from forceid.config import validate
 from forceid.errors import ConfigError, DataError
 from forceid.files.formats.mocap import read_c3d, read_columns, read_mot, read_trc
 from forceid.files.formats.plates import plate_settings
 from forceid.files.formats.sources import import_sources
 from forceid.import_settings import ImportSettings, PlateSetting
+from forceid.sections import validate
 
 TIME = np.arange(5) / 100
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from forceid.config import load_settings, validate
+from forceid.config import load_settings
 from forceid.errors import ConfigError
 from forceid.estimation.run import estimate_recording
 from forceid.files.formats.bodies.joint_centers import joint_centers
@@ -14,6 +14,7 @@ from forceid.files.formats.bodies.tables import table_joints, table_segments, ta
 from forceid.files.formats.sources import import_sources, settings_for
 from forceid.files.stored.hdf5 import read_motion, write_motion
 from forceid.import_settings import ImportSettings, load_import_settings
+from forceid.sections import validate
 
 MASS, HEIGHT = 72.0, 1.76
 SHIFT = np.array([1.0, -2.0, 0.5])

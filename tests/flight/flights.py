@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from forceid.flight.attitude import turn_along
 from forceid.flight.channels import Start, load_chain
-from forceid.flight.model import Flight, trajectory_of
+from forceid.flight.model import Flight
+from forceid.flight.path.reference import trajectory_of
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.kalman import StateSpace, discretize, matern

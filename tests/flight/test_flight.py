@@ -8,12 +8,14 @@ from scipy.stats import chi2
 
 from forceid import kalman
 from forceid.errors import EstimationError
-from forceid.flight import model as flight_model
-from forceid.flight import smoother as flights
-from forceid.flight.model import Reference, rotation_model, stack, translation
+from forceid.flight.path import reference as linearized
+from forceid.flight.path import settling
+from forceid.flight.path.linear import stack
+from forceid.flight.path.reference import Reference, rotation_model, translation
+from forceid.flight.path.settling import first_reference
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import Tuned
-from forceid.flight.smoother import first_reference, smooth_flight
+from forceid.flight.smoother import smooth_flight
 from forceid.kalman.building.lines import Line
 
 FORCE, MOMENT = prior(std=1.0, rate=20.0), prior(std=0.05, rate=30.0)
@@ -63,7 +65,7 @@ def test_a_step_converges_with_order_four_in_its_substeps(monkeypatch):
     flight, reference, _ = driven_top(0.04)
     error = []
     for count in (10, 20):
-        monkeypatch.setattr(flight_model, "substeps", lambda *_, count=count: count)
+        monkeypatch.setattr(linearized, "substeps", lambda *_, count=count: count)
         R, _, _ = steps_of(flight, reference)
         error.append(np.abs(log(R @ reference.rotation[1:].swapaxes(1, 2))).max())
     assert 3.7 < np.log2(error[0] / error[1]) < 4.5
@@ -143,7 +145,7 @@ def test_momentum_closes_over_the_flight():
 
 def test_the_fixed_point_does_not_depend_on_the_first_reference(monkeypatch):
     flight = free_top(np.random.default_rng(5), count=100)
-    monkeypatch.setattr(flights, "SINGLE", 1e-8)
+    monkeypatch.setattr(settling, "SINGLE", 1e-8)
     plain = smooth(flight)
 
     def tilted(flight, moment):
@@ -153,7 +155,7 @@ def test_the_fixed_point_does_not_depend_on_the_first_reference(monkeypatch):
         chain[:, 3:6] *= 1.1
         return Reference(off @ first.rotation, chain, moment)
 
-    monkeypatch.setattr(flights, "first_reference", tilted)
+    monkeypatch.setattr(settling, "first_reference", tilted)
     other = smooth(flight)
     assert np.abs(log(other.rotation @ plain.rotation.swapaxes(1, 2))).max() < 1e-9
     np.testing.assert_allclose(other.moment, plain.moment, atol=1e-6 * np.abs(plain.moment).max())
@@ -161,7 +163,7 @@ def test_the_fixed_point_does_not_depend_on_the_first_reference(monkeypatch):
 
 
 def test_rotating_the_world_rotates_the_estimate(monkeypatch):
-    monkeypatch.setattr(flights, "SINGLE", 1e-9)
+    monkeypatch.setattr(settling, "SINGLE", 1e-9)
     flight, _ = drawn_flight(FORCE, MOMENT, np.random.default_rng(7), count=80)
     W = exp([0.7, -1.1, 2.0])
     W6 = np.kron(np.eye(2), W)
@@ -281,7 +283,7 @@ def test_lines_of_force_and_moment_are_followed_within_their_claims():
 
 
 def test_a_reference_that_cannot_settle_is_an_error_with_a_next_step(monkeypatch):
-    monkeypatch.setattr(flights, "ITERATIONS", 1)
+    monkeypatch.setattr(settling, "ITERATIONS", 1)
     with pytest.raises(EstimationError, match=r"does not settle: .* raise the sample rate"):
         smooth(free_top(np.random.default_rng(13), count=40))
 
@@ -291,13 +293,13 @@ def test_a_path_before_the_first_rotation_that_is_seen_is_led_there_in_few_steps
     flight, steps = free_top(np.random.default_rng(3), count=200), []
     blind = flight.rotation.copy()
     blind[:40] = np.nan  # 0.2 s, within which the moment may turn the body by two radians
-    linear = flights.linear_flight
+    linear = settling.linear_flight
 
     def counted(*about, **more):
         steps.append(about)
         return linear(*about, **more)
 
-    monkeypatch.setattr(flights, "linear_flight", counted)
+    monkeypatch.setattr(settling, "linear_flight", counted)
     state = smooth(replace(flight, rotation=blind))
     assert len(steps) < 10  # 18 under a prior of one radian
     assert np.sqrt(np.trace(state.pose_cov[0, 3:, 3:])) > 2.0

@@ -9,8 +9,10 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from forceid.flight.channels import Start
-from forceid.flight.model import Flight, Reference, flexed, linear_flight
+from forceid.flight.model import Flight
 from forceid.flight.modes import FlyingModes
+from forceid.flight.path.linear import flexed, linear_flight
+from forceid.flight.path.reference import Reference
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.flight.smoother import smooth_flight

@@ -8,11 +8,12 @@ from flights import INERTIA, drawn_flight, flight_of, free_top, prior
 
 from forceid import kalman
 from forceid.flight import attitude as turning
-from forceid.flight import rigid_batch
-from forceid.flight import rigid_path as long_flight
 from forceid.flight import smoother as flights
-from forceid.flight.model import trajectory_of
-from forceid.flight.smoother import first_reference, smooth_flight, smooth_long
+from forceid.flight.path import rigid_batch, settling
+from forceid.flight.path import rigid_path as long_flight
+from forceid.flight.path.reference import trajectory_of
+from forceid.flight.path.settling import first_reference
+from forceid.flight.smoother import smooth_flight, smooth_long
 from forceid.kalman.building.lines import Line
 from forceid.motion.pose import exp
 
@@ -39,7 +40,7 @@ def coupled(flight):
 def by_engine(monkeypatch, *arguments, **more):
     with monkeypatch.context() as m:
         m.setattr(flights, "smooth_long", lambda *_: None)
-        m.setattr(flights, "SINGLE", 1e-8)
+        m.setattr(settling, "SINGLE", 1e-8)
         return smooth_flight(*arguments, kalman.engine("compiled"), **more)
 
 

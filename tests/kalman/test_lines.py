@@ -14,12 +14,10 @@ from forceid.flight.tuning import tune_loads
 from forceid.kalman import filter as kalman_filter
 from forceid.kalman import log_likelihood, smooth
 from forceid.kalman.building import line_search
+from forceid.kalman.building.line_candidates import Candidate, is_white, line_candidates
 from forceid.kalman.building.line_search import (
-    Candidate,
     find_line,
-    is_white,
     let_drift,
-    line_candidates,
     line_evidence,
     missed_lines,
     pushes,

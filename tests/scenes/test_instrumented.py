@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from forceid.config import validate
 from forceid.errors import ConfigError
 from forceid.files.stored.hdf5 import read_motion, write_motion
 from forceid.scenes.flights.instrumented import Parameters, fly, readings
 from forceid.scenes.recipe import SceneRecipe, simulate
+from forceid.sections import validate
 
 RATE = 2000.0
 TIME = np.arange(1000) / RATE

@@ -5,10 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipj
 
-from forceid.config import validate
 from forceid.errors import ConfigError
 from forceid.scenes.flights.top import Parameters, fly
 from forceid.scenes.mechanics import center_of, inertia_tensor
+from forceid.sections import validate
 
 TIME = np.linspace(0.0, 3.0, 301)
 

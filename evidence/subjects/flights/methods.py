@@ -9,10 +9,11 @@ import numpy as np
 
 from evidence.subject import Answer, Contestant
 from evidence.subjects.flights.cases import Case
-from forceid.config import load_settings, to_toml
+from forceid.config import load_settings
 from forceid.estimation.long.windows import estimate_of_any_length
 from forceid.kalman.engines import engine
 from forceid.records import Array, Estimate
+from forceid.sections import to_toml
 
 DEFAULT = "smoother"
 MODES = (1, 2, 3, 5)

@@ -22,10 +22,10 @@ def resume_job(source: Path, output: Path, settings: Settings) -> Record:
 
 def current(source: Path, output: Path, settings: Settings) -> Record | None:
     """What there is to say of a whole result of the same input, settings and version; None without one."""
-    from forceid.config import to_toml
     from forceid.files import read_result, read_truth
-    from forceid.files.parse import text
     from forceid.files.stored.hdf5 import open_hdf5
+    from forceid.files.values import text
+    from forceid.sections import to_toml
 
     if not output.is_file():
         return None

@@ -15,9 +15,12 @@ import numpy as np
 from forceid.errors import EstimationError
 from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.flight.instruments.sensors import sensed
-from forceid.flight.model import Flight, Reference, moved_along, steady_of
+from forceid.flight.model import Flight
+from forceid.flight.path.linear import moved_along, steady_of
+from forceid.flight.path.reference import Reference
+from forceid.flight.path.settling import first_reference, settled
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
-from forceid.flight.smoother import FlightState, first_reference, settled
+from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.motion import free_turn
 from forceid.records import Array, Indices

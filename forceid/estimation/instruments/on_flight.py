@@ -25,7 +25,8 @@ from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.instruments import ACCELEROMETER, INSTRUMENTS
 from forceid.flight.instruments.dead_reckoning import rate_read
 from forceid.flight.instruments.sensors import Sensors
-from forceid.flight.model import COARSE, Flight
+from forceid.flight.model import Flight
+from forceid.flight.path.reference import COARSE
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine

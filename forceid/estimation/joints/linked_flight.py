@@ -17,16 +17,9 @@ import numpy as np
 from forceid.estimation.joints.constraints import Constraints
 from forceid.estimation.joints.link_loads import LinkLoad
 from forceid.estimation.methods.problem import Solution
-from forceid.flight.model import (
-    UNKNOWN_TURN,
-    Flight,
-    Reference,
-    added_moment,
-    flexed,
-    linear_flight,
-    translation,
-    turn_step,
-)
+from forceid.flight.model import Flight
+from forceid.flight.path.linear import flexed, linear_flight
+from forceid.flight.path.reference import UNKNOWN_TURN, Reference, added_moment, translation, turn_step
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
 

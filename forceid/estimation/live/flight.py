@@ -9,7 +9,7 @@ import numpy as np
 from forceid.estimation.live.loads import TICKS, begun_force, begun_moment, next_force, next_moment
 from forceid.estimation.live.model import LiveModel
 from forceid.estimation.live.sight import Swing, look, moved
-from forceid.flight.model import COARSE
+from forceid.flight.path.reference import COARSE
 from forceid.kalman.recursions.fixed_lag import Course, without_first
 from forceid.records import Array, Frame, LiveWrench
 

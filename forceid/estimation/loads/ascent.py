@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from forceid.flight.smoother import SHORTEST
+from forceid.flight.path.settling import SHORTEST
 from forceid.flight.tuning import PROBE
 from forceid.kalman.tuning.search import cross_of, parabola
 from forceid.records import Array

@@ -8,7 +8,6 @@ its smoothed path. Source: principal equations 4d, 4f.
 from __future__ import annotations
 
 from collections.abc import Set
-from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
 
@@ -19,27 +18,18 @@ from forceid.errors import EstimationError
 from forceid.estimation.loads.ascent import ascended, spread_about
 from forceid.estimation.loads.lines import ROUNDS
 from forceid.flight.channels import FLIGHT_SAMPLES, middle
-from forceid.flight.model import (
-    Flight,
-    Read,
-    Reference,
-    flexed,
-    linear_flight,
-    read_of,
-    rotation_model,
-    seen_part,
-    translation,
-)
+from forceid.flight.model import Flight
+from forceid.flight.path.linear import Read, flexed, linear_flight, read_of, seen_part
+from forceid.flight.path.reference import Reference, rotation_model, translation
+from forceid.flight.path.settling import settled
 from forceid.flight.priors.protocol import LoadPrior
-from forceid.flight.smoother import FlightState, first_reference, settled
 from forceid.flight.tuning import LEAK
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace
 from forceid.records import Array
-from forceid.significance import NUMBER, OUTLIER, PATIENCE, SIGMAS
+from forceid.significance import NUMBER, PATIENCE
 
 MODELS_HELD = 3  # of each load, at hand: that of a point, and of steps from it along level and rate
-LARGER_BY = np.exp(np.arange(13.0))  # of a moment over that which a channel took for none: up to five decades
 WANDER = 3.0 * 2.0 ** np.arange(12)  # over a record, in units of the noise of its mean
 
 
@@ -74,7 +64,7 @@ def tune_together(
             by, spread = ascended(half, np.zeros(2), spread_about(half, 2) if spread is None else spread)
             return flight, force, moment.moved(by)
         part = middle(len(flight.time), FLIGHT_SAMPLES)
-        cut, near = flight_segment(flight, part), reference_segment(about, part)
+        cut, near = flight.part(part), about.part(part)
         push, bent = force, flexed(cut, near)  # a step along one load leaves the model of the other as it was
         read = None if cut.sensors is None else read_of(cut, push, moment, near)
 
@@ -131,48 +121,6 @@ def tune_together(
         if not level > before + 5 * NUMBER:
             break
     return flight, force, moment
-
-
-def contradicted(state: FlightState) -> bool:
-    """Whether rotations are off what their prior expects by more than chance; wild ones do not count: no
-    prior explains them.
-    """
-    white = np.clip(state.innovation[:, 3:6], -OUTLIER, OUTLIER)
-    known = int(np.isfinite(white).sum())
-    return bool(known and np.nanmean(white**2) > 1 + SIGMAS * np.sqrt(2 / known))
-
-
-def by_the_flight(
-    flight: Flight, priors: dict[str, LoadPrior], about: Reference | None, engine: Engine
-) -> dict[str, LoadPrior]:
-    """The priors of a flight, that of its moment by its own likelihood about a reference; as they are where
-    no moment along all axes alike is e^PATIENCE times as likely.
-
-    Errors of a rotation turn the momentum of a fast spin, so that its channel shows little of the moment, or
-    of it along some axes; the flight itself shows it, whenever it comes. A moment that the channel took for
-    none is so small that no step from it changes the likelihood: the search begins at its likeliest size.
-    Where no path came to rest under it (None), about that under the smallest larger one which lets one.
-    """
-    moment, rests = priors["moment"], about is not None
-    first = first_reference(flight, moment) if about is None else about
-    for size in () if rests else LARGER_BY[1:]:
-        larger = moment.with_kernel(moment.kernel.scaled(size))
-        with suppress(EstimationError):
-            about = settled(flight, None, larger, engine, replace(first, moment=larger))[2]
-            break
-    if about is None:
-        return priors
-    known, alike = (partial(of_half, flight, one, about, engine) for one in (moment, moment.alike()))
-    try:
-        each = {float(one): alike(np.array([np.log(one), 0.0])) for one in LARGER_BY}
-        size = max(each, key=lambda one: each[one])
-        if rests and not each[size] > known(np.zeros(2)) + PATIENCE:
-            return priors
-        moment = moment.with_kernel(moment.kernel.scaled(size))
-        moment = tune_together(flight, None, moment, engine, first=about)[2]
-    except EstimationError:
-        return priors
-    return priors | {"moment": moment}
 
 
 def wandering(
@@ -270,27 +218,3 @@ def louder(flight: Flight, kinds: list[int], by: Array) -> Flight:
     for i, b in zip(kinds, by, strict=True):
         noise[i] *= np.exp(b)
     return replace(flight, sensors=replace(flight.sensors, noise_std=noise))
-
-
-def flight_segment(flight: Flight, s: slice) -> Flight:
-    """A stretch of a flight."""
-    parts = {
-        name: getattr(flight, name)[s]
-        for name in ("time", "center", "rotation", "pose_cov", "inertia", "h")
-    }  # fmt: skip
-    if flight.modes is not None:
-        flight = replace(flight, modes=flight.modes.part(s))
-    if flight.known is not None:
-        flight = replace(flight, known=flight.known.part(s))
-    if flight.sensors is None:
-        return replace(flight, **parts)
-    # a kind that does not read in the stretch reads nothing there, and its bias has no state
-    return replace(flight, **parts, sensors=replace(flight.sensors, reading=flight.sensors.reading[s]))
-
-
-def reference_segment(reference: Reference, s: slice) -> Reference:
-    """The part of a reference in a stretch of the flight."""
-    force = None if reference.force is None else reference.force[s]
-    modes = None if reference.modes is None else reference.modes[s]
-    rotation, chain = reference.rotation[s], reference.chain[s]
-    return replace(reference, rotation=rotation, chain=chain, force=force, modes=modes)

@@ -12,14 +12,8 @@ from forceid.estimation.loads.one_load import MOVED, OneLoad, errors_link
 from forceid.flight.model import Flight
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState
-from forceid.kalman.building.line_search import (
-    AT_ONCE,
-    Candidate,
-    find_line,
-    is_white,
-    let_drift,
-    line_candidates,
-)
+from forceid.kalman.building.line_candidates import Candidate, is_white, line_candidates
+from forceid.kalman.building.line_search import AT_ONCE, find_line, let_drift
 from forceid.kalman.building.lines import Line, axes_left
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import Filtered, StateSpace

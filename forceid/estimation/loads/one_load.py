@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from forceid.flight.model import CENTER, POSE, ROTATION, Flight, Reference, linear_flight, seen_part
+from forceid.flight.model import CENTER, POSE, ROTATION, Flight
+from forceid.flight.path.linear import linear_flight, seen_part
+from forceid.flight.path.reference import Reference
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import Filtered, StateSpace

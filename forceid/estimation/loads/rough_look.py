@@ -10,9 +10,9 @@ from forceid.flight.channels import Start, lags, second_difference
 from forceid.flight.instruments import ACCELEROMETER, GYRO
 from forceid.flight.instruments.dead_reckoning import rate_read, reckoned
 from forceid.flight.model import Flight
+from forceid.flight.path.settling import steps_of
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned
-from forceid.flight.smoother import steps_of
 from forceid.flight.tuning import MIDDLE
 from forceid.motion import apply
 from forceid.records import Array

@@ -17,13 +17,14 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from forceid import __version__
-from forceid.config import Settings, load_settings, to_toml
+from forceid.config import Settings, load_settings
 from forceid.errors import ConfigError, DataError
 from forceid.estimation.long.joined import cut, joined_windows
 from forceid.estimation.run import estimate_recording
 from forceid.files import read_result, write_result
 from forceid.files.result import read_version
 from forceid.records import Estimate, Recording
+from forceid.sections import to_toml
 
 if TYPE_CHECKING:
     import xarray

@@ -20,7 +20,7 @@ from forceid.estimation.loads.body_axes import body_fixed_prior, channel_likelih
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.methods.tuning import as_on_modes, orders_asked, stated_of
 from forceid.flight.channels import CHANNEL_SAMPLES
-from forceid.flight.model import seen_part
+from forceid.flight.path.linear import seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman.model import StateSpace
 from forceid.records import Array

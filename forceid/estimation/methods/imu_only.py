@@ -37,7 +37,8 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.flight.instruments import ACCELEROMETER, GYRO
 from forceid.flight.instruments.dead_reckoning import gyro_rate
 from forceid.flight.model import Flight
-from forceid.flight.smoother import SETTLED, FlightState
+from forceid.flight.path.settling import SETTLED
+from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.motion import Pose
 from forceid.records import Array, Body, Finding, Motion

@@ -24,7 +24,8 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.innovations import NIS_BAND, lag_one_correlation
 from forceid.flight.channels import FLIGHT_SAMPLES, Channel, middle
 from forceid.flight.color import LowPassed
-from forceid.flight.model import Flight, seen_part
+from forceid.flight.model import Flight
+from forceid.flight.path.linear import seen_part
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_translation
 from forceid.kalman.building.lines import Line

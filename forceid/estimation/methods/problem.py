@@ -22,7 +22,8 @@ from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.estimation.loads.lines import NO_LINES, Lines
 from forceid.flight.channels import Channel
 from forceid.flight.color import SharedErrors
-from forceid.flight.model import Flight, Reference
+from forceid.flight.model import Flight
+from forceid.flight.path.reference import Reference
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import (
     FlightState,

@@ -15,7 +15,7 @@ from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.instruments.on_flight import fused
 from forceid.estimation.instruments.strain_gauges import with_strain_gauges
 from forceid.estimation.loads.channels import DrivenMotion, flight_of
-from forceid.estimation.loads.fused_tuning import by_the_flight, contradicted
+from forceid.estimation.loads.late_moment import by_the_flight, contradicted
 from forceid.estimation.loads.lines import beyond_rounding, more_lines
 from forceid.estimation.methods.axes import choose_axes
 from forceid.estimation.methods.claims import (

@@ -15,16 +15,16 @@ from forceid.errors import EstimationError
 from forceid.estimation.loads.ascent import NO_GAIN, bfgs_maximum
 from forceid.estimation.loads.fused_tuning import (
     flight_likelihood,
-    flight_segment,
     louder,
-    reference_segment,
     tune_together,
 )
 from forceid.flight.channels import middle
 from forceid.flight.instruments.protocol import Instrument
-from forceid.flight.model import Flight, Reference
+from forceid.flight.model import Flight
+from forceid.flight.path.reference import Reference
+from forceid.flight.path.settling import settled
 from forceid.flight.priors.protocol import LoadPrior
-from forceid.flight.smoother import FlightState, settled, smooth_flight, smoothed_once_more
+from forceid.flight.smoother import FlightState, smooth_flight, smoothed_once_more
 from forceid.kalman.engines import Engine
 from forceid.motion import log
 from forceid.records import Array
@@ -170,7 +170,7 @@ def begun(
     search stays where it begins. So it begins slow, and with several noises where none is stated.
     """
     part = middle(len(flight.time), LONGEST)
-    path, kinds = reference_segment(about, part), observing_instruments(search.flight, LOADS[i])
+    path, kinds = about.part(part), observing_instruments(search.flight, LOADS[i])
     free = [kind for kind in kinds if instruments_of(search.flight)[kind].name not in search.stated]
     rough = turning_as((pair[0].body_axes is not None, pair[1].body_axes is not None), *search.rough)[i]
     flight = with_noise_of(flight, search.flight, LOADS[i])
@@ -181,7 +181,7 @@ def begun(
 
     def value(p: Array) -> float:
         noisy, priors = by(p)
-        return flight_likelihood(flight_segment(noisy, part), *priors, path, search.engine)
+        return flight_likelihood(noisy.part(part), *priors, path, search.engine)
 
     starts = QUIETER if free else (0.0,)
     tops = [bfgs_maximum(value, np.array([0.0, 0.0, *[quieter] * len(free)])) for quieter in starts]

@@ -6,7 +6,7 @@ import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.verdict.catalogue import note
-from forceid.flight.model import COARSE
+from forceid.flight.path.reference import COARSE
 from forceid.motion import exp, largest_turn, log
 from forceid.records import Array, Finding
 from forceid.significance import PATIENCE

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.files.parse import likeliest_name
+from forceid.files.values import likeliest_name
 from forceid.import_settings import CsvSetting
 from forceid.records import Array
 

@@ -40,9 +40,9 @@ from forceid.files.formats.signals import Signals, motion_signals
 from forceid.files.formats.sto import read_sto
 from forceid.files.formats.tdms import read_tdms
 from forceid.files.formats.uff import read_uff
-from forceid.files.parse import canonical
 from forceid.files.schema import hash_arrays, motion_groups
 from forceid.files.validate import check_recording
+from forceid.files.values import canonical
 from forceid.import_settings import ChannelSetting, ImportSettings, PlateSetting, UntilSetting
 from forceid.import_settings import load_import_settings as load_import_settings
 from forceid.records import Array, Body, Motion, Recording

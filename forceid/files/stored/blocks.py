@@ -13,11 +13,12 @@ import h5py
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.files.parse import NC_FILL, READ, Stored, parse_recording, read_real, real_attr, text, unpack
+from forceid.files.parse import READ, parse_recording
 from forceid.files.schema import MOTION
 from forceid.files.stored.hdf5 import guarded, motion_file_groups, open_hdf5
 from forceid.files.stored.links import holds
 from forceid.files.units import si_factor
+from forceid.files.values import NC_FILL, Stored, read_real, real_attr, text, unpack
 from forceid.records import Array, Recording
 
 LARGE = 1 << 30  # bytes of positions: an estimate that holds them takes some ten times as much

@@ -14,12 +14,13 @@ import h5py
 import numpy as np
 
 from forceid.errors import DataError
-from forceid.files.parse import READ, Stored, parse_recording, text
+from forceid.files.parse import READ, parse_recording
 from forceid.files.schema import BODY, KNOWN_LOADS, MATERIAL, MOTION, TRUTH, motion_groups
 from forceid.files.stored.heap import check_heaps, check_references, fingerprint
 from forceid.files.stored.links import holds
 from forceid.files.stored.netcdf import write_groups
 from forceid.files.stored.object_header import attributes, check_texts, judge_attribute
+from forceid.files.values import Stored, text
 from forceid.records import Recording
 
 _COMPRESSION_LIMIT = 2000  # deflate reaches 1032

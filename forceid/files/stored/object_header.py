@@ -18,8 +18,8 @@ from typing import Any
 import h5py
 
 from forceid.errors import DataError
-from forceid.files.parse import text
 from forceid.files.stored.heap import check_references
+from forceid.files.values import text
 
 _ATTRIBUTE, _CONTINUED = 0x0C, 0x10  # types of messages
 _OF_ANY_LENGTH = 9  # class of a type

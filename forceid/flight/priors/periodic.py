@@ -27,7 +27,8 @@ from forceid.flight.color import Color
 from forceid.flight.pieces import Pieces
 from forceid.flight.priors.protocol import Tuned
 from forceid.flight.tuning import AT_LIMIT, ORDERS, PROBE, tune_loads
-from forceid.kalman.building.line_search import AT_ONCE, COHERENT, winsorized
+from forceid.kalman.building.line_candidates import winsorized
+from forceid.kalman.building.line_search import AT_ONCE, COHERENT
 from forceid.kalman.building.lines import Line, along_axes
 from forceid.kalman.building.process import Process, matern, resonator, superpose
 from forceid.kalman.engines import Engine, for_tuning

@@ -8,10 +8,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from forceid.config import Section, Vector
+from forceid.config import Vector
 from forceid.records import Array, Body
 from forceid.scenes.mechanics import KnownFlight, center_of, deforming_truth, integrate_nodes
 from forceid.scenes.springs import Springs, connect, spring_force, spring_stiffness
+from forceid.sections import Section
 
 NODES = tuple(
     [f"hub_{i}" for i in (1, 2, 3)]

@@ -14,11 +14,12 @@ import numpy as np
 from pydantic import Field, PositiveFloat, model_validator
 from scipy.spatial.transform import Rotation
 
-from forceid.config import Section, Vector
+from forceid.config import Vector
 from forceid.records import Array, Body
 from forceid.scenes.drawn_loads import draw_periodic, waves
 from forceid.scenes.jointed_blocks import Chain, ChainState, cross_matrices, solve_joints
 from forceid.scenes.mechanics import KnownFlight, deforming_truth, inertia_tensor, solve_ode
+from forceid.sections import Section
 
 Size = tuple[PositiveFloat, PositiveFloat, PositiveFloat]
 BLOCK_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])

@@ -12,10 +12,11 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
-from forceid.config import Section, Vector
+from forceid.config import Vector
 from forceid.records import Array, Body
 from forceid.scenes.mechanics import KnownFlight
 from forceid.scenes.rigid import RigidState, fly_rigid, rigid_positions
+from forceid.sections import Section
 
 
 class Sine(Section):

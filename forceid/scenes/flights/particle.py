@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from forceid.config import Section, Vector
+from forceid.config import Vector
 from forceid.records import Array, Body
 from forceid.scenes.mechanics import Frequencies, KnownFlight, harmonic_flight
+from forceid.sections import Section
 
 
 class Parameters(Section):

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from forceid.config import Section
 from forceid.records import Array, Body
 from forceid.scenes.mechanics import KnownFlight, deforming_truth, integrate_nodes
 from forceid.scenes.springs import Springs, connect, spring_force
+from forceid.sections import Section
 
 NODES = ("tip_1", "elbow", "tip_3")
 MASS = np.array([0.03, 0.05, 0.04])

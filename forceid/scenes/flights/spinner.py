@@ -11,10 +11,11 @@ import numpy as np
 from pydantic import Field
 from scipy.spatial.transform import Rotation
 
-from forceid.config import Section, Vector
+from forceid.config import Vector
 from forceid.records import Array, Body
 from forceid.scenes.mechanics import Frequencies, KnownFlight, harmonic_flight, inertia_tensor
 from forceid.scenes.rigid import rigid_positions
+from forceid.sections import Section
 
 
 class Parameters(Section):

@@ -10,11 +10,12 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
-from forceid.config import Section, Vector
+from forceid.config import Vector
 from forceid.errors import ConfigError
 from forceid.records import Array, Body
 from forceid.scenes.mechanics import KnownFlight, center_of, inertia_tensor
 from forceid.scenes.rigid import RigidState, fly_rigid, rigid_positions
+from forceid.sections import Section
 
 
 class Parameters(Section):

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from forceid.estimation.loads.lines import more_lines
 from forceid.estimation.loads.one_load import OneLoad, errors_link
-from forceid.flight.model import Reference
+from forceid.flight.path.reference import Reference
 from forceid.flight.smoother import smooth_flight
-from forceid.kalman.building.line_search import line_candidates
+from forceid.kalman.building.line_candidates import line_candidates
 from forceid.kalman.engines import engine
 
 COUNT, STEP, AT = 800, 0.005, 20.0

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from evidence.subjects.flights.drawn_loads import draw_matern
 from forceid.config import load_settings
 from forceid.errors import EstimationError
-from forceid.estimation import run
+from forceid.estimation import routes, run
 from forceid.estimation.loads.plain_cut import apiece
 from forceid.estimation.witness.plain_route import plain_route
 from forceid.estimation.witness.witness import (
@@ -177,7 +177,7 @@ def test_smoother_that_fails_leaves_the_plain_route_as_the_estimate(estimated, m
     def fails(*args):
         raise EstimationError("does not settle", "the smoother on rotations", "add a gyro")
 
-    monkeypatch.setattr(run, "estimate_flight", fails)
+    monkeypatch.setattr(routes, "estimate_flight", fails)
     recording = cf.toss()
     result = estimated(recording, model="rigid")
     assert result.verdict.level == "degraded"

@@ -12,7 +12,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.special import binom
 
 from forceid.estimation.body.tracks.bridging import straight
-from forceid.flight.model import COARSE
+from forceid.flight.path.reference import COARSE
 from forceid.motion import ORDER, Pose, log
 from forceid.records import Array
 from forceid.significance import PATIENCE

@@ -8,7 +8,8 @@ import numpy as np
 
 from forceid.estimation.loads.hidden.whitened import FAINTEST, STEP
 from forceid.estimation.verdict.catalogue import note
-from forceid.flight.model import Flight, seen_part
+from forceid.flight.model import Flight
+from forceid.flight.path.linear import seen_part
 from forceid.flight.priors.protocol import CONSTANT, LoadPrior
 from forceid.flight.smoother import FlightState
 from forceid.kalman.building.line_search import missed_lines

@@ -12,7 +12,9 @@ import numpy as np
 
 from forceid.estimation.loads.pieces.cells import change_of, with_copy
 from forceid.estimation.loads.pieces.edges import Spread
-from forceid.flight.model import Flight, Reference, seen_part
+from forceid.flight.model import Flight
+from forceid.flight.path.linear import seen_part
+from forceid.flight.path.reference import Reference
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import StateSpace

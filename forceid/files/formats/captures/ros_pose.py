@@ -13,7 +13,7 @@ import numpy as np
 from forceid.errors import DataError
 from forceid.files.formats.captures.capture import Capture, listed
 from forceid.files.formats.csv import CsvTable, read_csv
-from forceid.files.parse import likeliest_name
+from forceid.files.values import likeliest_name
 from forceid.records import Array
 
 PLACE = re.compile(r"(?:(?P<body>.*)[./])?(?:position|translation)[./](?P<axis>[xyz])")

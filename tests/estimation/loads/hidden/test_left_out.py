@@ -17,7 +17,8 @@ from forceid.estimation.run import estimate_recording
 from forceid.files.result import read_result, write_result
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import channel_model
-from forceid.kalman.building.line_search import find_line, line_candidates
+from forceid.kalman.building.line_candidates import line_candidates
+from forceid.kalman.building.line_search import find_line
 from forceid.kalman.engines import engine
 from forceid.records import HiddenLoad
 from forceid.scenes.recipe import SceneRecipe, simulate

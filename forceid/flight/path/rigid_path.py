@@ -10,24 +10,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from forceid.compiled import engine as compiled
 from forceid.flight.attitude import ReferenceTrajectory, between, turned
-from forceid.flight.model import COARSE, LOOK_AFTER, UNKNOWN_TURN
+from forceid.flight.model import LOOK_AFTER, Flight
+from forceid.flight.path.reference import COARSE, UNKNOWN_TURN
+from forceid.flight.path.rigid_batch import Mode, Path, TurningModel, smooth_turning
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
-from forceid.flight.rigid_batch import Mode, Path, TurningModel, smooth_turning
 from forceid.kalman.model import StateSpace
 from forceid.motion import apply
 from forceid.records import Array, Indices
 from forceid.rounding import ITERATIONS
 from forceid.significance import THOUSANDTH
-
-if TYPE_CHECKING:
-    from forceid.flight.model import Flight
 
 WORTH_LANES = 256  # samples below which it does not pay
 
