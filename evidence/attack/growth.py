@@ -25,6 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from evidence.vectors import GRAVITY
 from evidence.written import asked, paged, pictured, table
+from forceid.estimation.long.windows import LONG
 from forceid.report.plots.style import BLUE, GRAY, panels
 
 RATE, NOISE = 200.0, 2e-4  # Hz, m
@@ -190,7 +191,7 @@ def main() -> None:
         about,
         table(rows),
         "![CPU time and memory over frames, nodes and modes](growth.png)",
-        "Beyond 4000 nodes four markers stand for all; beyond 1500 frames, stretches.",
+        f"Beyond 4000 nodes four markers stand for all; beyond {LONG} frames, stretches.",
     )
 
 

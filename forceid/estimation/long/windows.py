@@ -23,14 +23,15 @@ from forceid.estimation.long.joined import cut, joined_windows
 from forceid.estimation.run import estimate_recording
 from forceid.files import read_result, write_result
 from forceid.files.result import read_version
+from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.records import Estimate, Recording
 from forceid.sections import to_toml
 
 if TYPE_CHECKING:
     import xarray
 
-LONG = 1500  # frames that are estimated at once: of so many, at most, are the records that count the claims
-MARGIN = LONG // 6  # frames that are smoothed on either side of those of a stretch that are kept
+LONG = CHANNEL_SAMPLES  # frames that are estimated at once: so many at most does tuning look at throughout
+MARGIN = LONG // 8  # frames that are smoothed on either side of those of a stretch that are kept
 Progress: TypeAlias = "Callable[[int, str], AbstractContextManager[Callable[[], None]]]"
 
 
