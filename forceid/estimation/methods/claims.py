@@ -173,9 +173,8 @@ def allow_for_priors(problem: Problem) -> Problem:
         return replace(problem, growth=growth)
     arm = float(np.sqrt(0.5 * np.trace(kin.inertia.tensor) / kin.inertia.mass))
     weightless = not problem.motion.gravity.any()
-    growth, said = inner_wheel.allow_for_wheels(
-        looks["moment"], state, growth, arm, weightless, shown.get("moment")
-    )
+    off = told["moment"][1] if "moment" in told else 0.0
+    growth, said = inner_wheel.allow_for_wheels(looks["moment"], state, growth, arm, weightless, off)
     return replace(problem, growth=growth).noting(*said)
 
 

@@ -22,16 +22,16 @@ from forceid.estimation.body.inertia import Inertia, second_moment
 from forceid.estimation.body.kinematics import Kinematics, mapped, shape_at
 from forceid.estimation.loads.hidden.inner_wheel import STRONG
 from forceid.estimation.loads.hidden.order_uncertainty import claimed_along, grown
-from forceid.estimation.loads.hidden.whitened import MOST_GAINED, Whitened, amounts
+from forceid.estimation.loads.hidden.patterns import patterns_held
+from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.estimation.verdict.body_errors import SYMMETRIC
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.smoother import FlightState
 from forceid.records import Array, Finding
-from forceid.significance import OUTLIER, SIGMAS, TENTH
+from forceid.significance import SIGMAS, TENTH
 
 BALANCED = 0.01  # of the length of a body: as near its mass center is found by balancing it on an edge
-SIZES = 10  # of a load, each half of the last: to a thousandth
 OWN = {"force": slice(0, 3), "moment": slice(3, 6)}
 SAID = {"force": ("center-told", "N", 1e3), "moment": ("inertia-told", "N m", 100.0)}  # in mm, in percent
 SWUNG = 0.02  # of moments of inertia, and the mass in them: as well they are known by swings on wires
@@ -94,9 +94,9 @@ def wrongs(told: Mapping[str, tuple[Whitened, float]], state: FlightState, growt
         claimed = np.sqrt(claimed_along(axes, grown(state, growth).wrench_cov[:, own, own]))
         if not SIGMAS * std * np.sqrt(np.mean((made**2).sum(2), axis=0) / claimed**2).max() > TENTH:
             continue
-        gained, amount, cov = evidence_of_wrong(look, std, found_of(state, load))
-        square = (made @ amount) ** 2 + np.einsum("tah,hk,tak->ta", made, cov, made, optimize=True)
-        yield Wrong(load, gained, amount, np.sqrt(np.mean(square, axis=0)), claimed, axes)
+        (held,) = patterns_held(look, [(slice(None), std)], found_of(state, load))
+        square = (made @ held.amounts) ** 2 + np.einsum("tah,hk,tak->ta", made, held.cov, made, optimize=True)
+        yield Wrong(load, held.gained, held.amounts, np.sqrt(np.mean(square, axis=0)), claimed, axes)
 
 
 def allow_for_told(
@@ -126,30 +126,3 @@ def allow_for_told(
 def found_of(state: FlightState, load: str) -> float:
     """The rms length of a load that was found."""
     return length(state.force if load == "force" else state.moment)
-
-
-def evidence_of_wrong(look: Whitened, std: float, size: float) -> tuple[float, Array, Array]:
-    """Log-likelihood that a record gains by amounts of its signals, normal with std; these, and their cov.
-
-    With and without them the load may be of any size up to the one found, and its mean as well: what passed
-    for a load leaves less of it. Each size is half of the last, as long as the likelihood with amounts rises.
-    """
-    none: list[float] = []
-    each: list[tuple[float, Array, Array]] = []
-    for mean_too in (False, True):
-        highest = -np.inf
-        for share in 0.5 ** np.arange(mean_too, SIZES):
-            prior = look.prior.scaled(share, size * share**mean_too)
-            one = look.filtered(prior)
-            v = np.nan_to_num(one.innovation)
-            own, signals = np.clip(v[:, 0], -OUTLIER, OUTLIER), np.moveaxis(v[:, 1:], 1, 2)
-            amount, cov, volume = amounts(signals, own, std)
-            more = 0.5 * float(amount @ np.linalg.solve(cov, amount)) - volume
-            none.append(float(one.log_likelihood[0]))
-            each.append((none[-1] + more, amount, cov))
-            if not each[-1][0] > highest + TENTH:
-                break
-            highest = each[-1][0]
-    _, amount, cov = max(each, key=lambda one: one[0])
-    gained = float(np.logaddexp.reduce([one[0] for one in each]) - np.logaddexp.reduce(none))
-    return min(gained, MOST_GAINED), amount, cov

@@ -17,12 +17,14 @@ Source: principal equations 2.4.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from forceid.estimation.loads.hidden.order_uncertainty import claimed_along, grown
+from forceid.estimation.loads.hidden.patterns import Held, patterns_held
 from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
@@ -31,6 +33,8 @@ from forceid.records import Array, Finding
 from forceid.significance import CHANCE, SIGMAS, TENTH
 
 SPACING = 0.5 * np.log(10)  # of sizes of wheels, in logarithm: two a decade
+# columns of `signals`, behind which are those of an inertia told wrong
+WHEEL, TURNING, POINTS, TOLD = slice(3), slice(3, 6), (slice(6, 9), slice(9, 12)), slice(12, None)
 STRONG = 10.0  # odds by which a record excludes a wheel (Jeffreys, Theory of Probability, B)
 
 
@@ -67,22 +71,24 @@ def allow_for_wheels(
     growth: Array,
     arm: float,
     weightless: bool,
-    told: tuple[Whitened, float] | None = None,
+    told: float = 0.0,
 ) -> tuple[Array, tuple[Finding, ...]]:
     """Growth ([time,] 6, 6) of claimed errors that allows for wheels as well; a finding on those beyond it.
 
     By the law of total variance: unlike a load, a wheel has a largest size that the variance may rest on.
-    look: at the channel of the moment, beside `signals`; arm m: of a force, the radius of gyration; told: a
-    look beside what an inertia told wrong makes, and how far off it is.
+    look: at the channel of the moment, beside `signals` and, where told is not zero, what an inertia told
+    wrong makes, which is that far off; arm m: of a force, the radius of gyration.
     """
     edge, axes = len(state.wrench_cov) // 8, look.prior.axes_along(state.rotation)
     inner = slice(edge, len(state.wrench_cov) - edge)
     claimed = np.sqrt(claimed_along(axes, grown(state, growth).wrench_cov[:, 3:, 3:]))
-    wheel, turning, *points = (look.beside(slice(k, k + 3)) for k in (0, 3, 6, 9))
-    found = wheels(wheel, length(state.H) / np.sqrt(3), TENTH * float(np.linalg.norm(claimed)))
-    rivals = [(turning, length(state.moment)), *((point, arm) for point in points if not weightless)]
-    rivals += [told] if told is not None else []
-    without = float(np.mean([1.0, *(np.exp(rival.gained(size)[0]) for rival, size in rivals if size)]))
+    size = length(state.moment)
+    rivals = [(TURNING, size), *((point, arm) for point in POINTS if not weightless), (TOLD, told)]
+    rivals = [(columns, std) for columns, std in rivals if std]
+    sizes = sizes_of_wheels(look, length(state.H) / np.sqrt(3), TENTH * float(np.linalg.norm(claimed)))
+    held = patterns_held(look, [*rivals, *((WHEEL, one) for one in sizes)], size)
+    without = float(np.mean([1.0, *(np.exp(one.gained) for one in held[: len(rivals)])]))
+    found = wheels(look, sizes, held[len(rivals) :])
     total = without + sum(wheel.odds for wheel in found)
     beyond = [wheel for wheel in found if (wheel.off > SIGMAS * claimed).any()]
     odds = sum(wheel.odds for wheel in beyond)
@@ -108,19 +114,32 @@ def allow_for_wheels(
     return growth, (said,)
 
 
-def wheels(look: Whitened, most: float, least: float) -> list[Wheel]:
-    """Wheels of all sizes, uniform in the logarithm, from `most` down to where they make moments of `least`.
+def sizes_of_wheels(look: Whitened, most: float, least: float) -> list[float]:
+    """Sizes uniform in the logarithm, from `most` down to where wheels make moments of `least`.
 
-    Beforehand one wheel is as likely as none: nothing is known of it. A body without momentum holds none.
+    A body without momentum holds none.
     """
     if most == 0.0:
         return []
-    edge = len(look.loads) // 8
-    made, found = look.loads[edge : len(look.loads) - edge], []
+    made = judged_loads(look)
     scale = float(np.sqrt(np.einsum("tah,tah->", made, made) / len(made)))
     count = 1 + max(int(np.log(max(most * scale / least, 1.0)) / SPACING), 0)
-    for size in most * np.exp(-SPACING * np.arange(count)):
-        more, h, cov = look.gained(float(size))
-        off = np.mean((made @ h) ** 2 + np.einsum("tah,hk,tak->ta", made, cov, made, optimize=True), axis=0)
-        found.append(Wheel(float(size), float(np.exp(more)) / count, np.sqrt(off), h))
+    return [float(size) for size in most * np.exp(-SPACING * np.arange(count))]
+
+
+def wheels(look: Whitened, sizes: Sequence[float], held: Sequence[Held]) -> list[Wheel]:
+    """Wheels of sizes, of which a record holds so much; beforehand one wheel is as likely as none: nothing is
+    known of it.
+    """
+    made, found = judged_loads(look), []
+    for size, one in zip(sizes, held, strict=True):
+        square = (made @ one.amounts) ** 2
+        off = np.mean(square + np.einsum("tah,hk,tak->ta", made, one.cov, made, optimize=True), axis=0)
+        found.append(Wheel(size, float(np.exp(one.gained)) / len(sizes), np.sqrt(off), one.amounts))
     return found
+
+
+def judged_loads(look: Whitened) -> Array:
+    """What the prior of the moment takes unit wheels for (time, 3, 3), over the central three quarters."""
+    edge = len(look.loads) // 8
+    return look.loads[edge : len(look.loads) - edge, :, WHEEL]

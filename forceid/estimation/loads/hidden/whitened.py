@@ -26,7 +26,6 @@ from forceid.significance import OUTLIER
 RATES_TRIED = 12  # from one over the record to half a turn a sample
 STEP = 10**0.25  # from one size to the next, in power
 FAINTEST = 1e-2  # load over noise where it shows most: from next to none, up to its inverse
-MOST_GAINED = 500.0  # log-likelihood beyond which odds are certain, and their numbers too large to hold
 NONE_OF_SIX = 6.0 + 1  # odds that a component has no load, as none of six may: rule of succession (Laplace)
 
 
@@ -131,19 +130,6 @@ class Whitened:
         """The filter's pass under another prior, over the channel and then each of the signals."""
         return self.engine.filter(*along_axes(self.channel, prior, self.also, self.rotation))
 
-    def gained(self, std: float) -> tuple[float, Array, Array]:
-        """Log-likelihood that signals gain of amounts normal with std; the amounts, and their covariance."""
-        amount, cov, volume = amounts(self.signals, self.innovation, std)
-        more = self.evidence(amount) - self.evidence() - 0.5 * amount @ amount / std**2 - volume
-        return min(float(more), MOST_GAINED), amount, cov
-
-    def evidence(self, amounts: ArrayLike = ()) -> float:
-        """Log-likelihood of the record over all candidates, beside amounts (column,) of the first signals."""
-        amounts = np.asarray(amounts, float)
-        v = self.innovation - self.signals[:, :, : len(amounts)] @ amounts
-        pairs = zip(self.candidates, self.powers(v).T, strict=True)
-        return float(sum(np.logaddexp.reduce(c.log_likelihood(power)) for c, power in pairs))
-
 
 def groups_of(time: Array) -> tuple[Array, Indices, Array]:
     """Frequency (group,) Hz of groups of the ordinates of a record, the first ordinate of each, and count."""
@@ -207,17 +193,6 @@ def along_axes(channel: Channel, prior: LoadPrior, also: Array, turned: Array) -
     model = replace(model, H=axes.T @ model.H, R=axes.T @ model.R @ axes)
     gaps = np.where(np.isfinite(channel.z), 0.0, np.nan)[:, None]
     return model, np.concatenate([channel.moved[:, None] @ axes, np.moveaxis(also, 2, 1) @ axes + gaps], 1)
-
-
-def amounts(signals: Array, innovation: Array, std: float) -> tuple[Array, Array, float]:
-    """How much of each signal (time, 3, column) innovations (time, 3) hold: (column,), and its covariance.
-
-    std: of the amounts, before the record is seen. And half the logarithm by which seeing them narrows them.
-    """
-    A = signals.reshape(-1, signals.shape[2])
-    told = A.T @ A + np.eye(len(A.T)) / std**2
-    cov = np.asarray(np.linalg.inv(told), float)
-    return cov @ (A.T @ innovation.ravel()), cov, 0.5 * float(np.linalg.slogdet(std**2 * told)[1])
 
 
 def candidates(frequency: Array, count: Array, noise: Array, own: Array) -> Candidates:
