@@ -13,14 +13,19 @@ from forceid.records import Body, Motion, Recording
 STEP, FRAMES = 0.005, 300
 
 
-def thrown(seed, late, noise=3e-4, step=STEP):
-    """A recording whose frames are `late` steps rms off their times; force and moment at these."""
+def thrown(seed, late, noise=3e-4, step=STEP, on_a_line=False):
+    """A recording whose frames are `late` steps rms off their times; force and moment at these.
+
+    on_a_line: markers lie within 2 mm of a line that passes the mass center at 0.2 m.
+    """
     rng = np.random.default_rng([21, seed])
     said = step * np.arange(FRAMES)
     time = said + late * step * rng.standard_normal(FRAMES)
     axis, J = rng.standard_normal(3), np.diag(rng.uniform(0.02, 0.05, 3))
     axis /= np.linalg.norm(axis)
     mass, X = 2.0, rng.uniform(-0.15, 0.15, (8, 3))
+    if on_a_line:
+        X = X * [0.013, 0.013, 1.0] + [0.2, 0.0, 0.0]
     w, size, phase, v = (
         rng.uniform(4, 12, 3),
         rng.uniform(1, 4, 3),
@@ -48,6 +53,13 @@ def test_frames_on_time_are_hardly_ever_called_late():
         kin = kinematics(recording.body, recording.motion, load_settings(model="rigid"))
         found.append(lateness(kin.time, kin.pose))
     assert sum(one is not None for one in found) <= 1
+
+
+def test_errors_of_a_turn_that_move_the_mass_center_by_their_square_are_not_called_late():
+    for seed in range(12):
+        recording, _, _ = thrown(seed, 0.0, on_a_line=True)
+        kin = kinematics(recording.body, recording.motion, load_settings(model="rigid"))
+        assert lateness(kin.time, kin.pose) is None
 
 
 @pytest.mark.parametrize("late", [0.03, 0.1, 0.3])

@@ -13,9 +13,9 @@ from scipy.special import binom
 
 from forceid.estimation.body.tracks.bridging import straight
 from forceid.flight.path.reference import COARSE
-from forceid.motion import ORDER, Pose, log
+from forceid.motion import ORDER, Pose, log, second_order
 from forceid.records import Array
-from forceid.significance import PATIENCE
+from forceid.significance import PATIENCE, TENTH
 
 DELAYS = np.geomspace(1e-4, 1.0, 81)  # that are tried, as parts of a frame
 
@@ -24,11 +24,14 @@ def lateness(time: Array, pose: Pose) -> tuple[float, Array] | None:
     """Standard deviation of the delays (s), and velocity and spin (time, 6) of the frames, world axes.
 
     pose: of every frame, with the covariance that its markers give it. None unless delays are e^PATIENCE
-    times as likely as errors that are as large across the motion as along it; nor on an irregular clock, or
-    where turns from frame to frame are so large that their differences show no rate.
+    times as likely as errors that are as large across the motion as along it; nor on an irregular clock, nor
+    where turns from frame to frame are so large that their differences show no rate, or errors of a turn move
+    the mass center by their square, which is not along the motion either.
     """
     seen = np.flatnonzero(np.isfinite(pose.center).all(1) & np.isfinite(pose.rotation).all((1, 2)))
     if len(seen) < 4 * ORDER or np.ptp(np.diff(time)) > DELAYS[0] * np.ptp(time):
+        return None
+    if second_order(pose.cov[seen]).max() > TENTH:
         return None
     step, R = float(np.median(np.diff(time))), pose.rotation[seen]
     turned = np.concatenate([np.zeros((1, 3)), np.cumsum(log(R[1:] @ R[:-1].mT), 0)])
