@@ -13,9 +13,10 @@ from scipy.special import binom
 
 from forceid.estimation.body.tracks.bridging import straight
 from forceid.flight.path.reference import COARSE
+from forceid.kalman.building.line_candidates import winsorized
 from forceid.motion import ORDER, Pose, log, second_order
 from forceid.records import Array
-from forceid.significance import PATIENCE, TENTH
+from forceid.significance import PATIENCE, SIGMAS, TENTH
 
 DELAYS = np.geomspace(1e-4, 1.0, 81)  # that are tried, as parts of a frame
 
@@ -55,6 +56,10 @@ def lateness(time: Array, pose: Pose) -> tuple[float, Array] | None:
     cov = cov * max(1.0, float((across**2).sum(1).mean() / expected.mean()))
     whitened = np.linalg.solve(cov, rate[..., None])[..., 0]
     told, along = (whitened * rate).sum(1), (whitened * d).sum(1)
+    v = winsorized((along / np.sqrt(told + own))[:, None])[:, 0]  # a blow is long over for most frames
+    if not stands_throughout(v, weight):
+        return None
+    along = np.sqrt(told) * v
     var = (DELAYS[:, None] * step) ** 2
     gain = 0.5 * (var * along**2 / (1 + var * told) - np.log1p(var * told)).sum(1) / overlap
     best = int(gain.argmax())
@@ -62,3 +67,16 @@ def lateness(time: Array, pose: Pose) -> tuple[float, Array] | None:
         return None
     speed = uniform_filter1d(np.gradient(path, time[seen], axis=0), 2 * ORDER + 1, axis=0, mode="nearest")
     return float(DELAYS[best] * step), straight(time, time[seen], speed)
+
+
+def stands_throughout(v: Array, weight: Array) -> bool:
+    """Whether differences v (time,) by weights, white of size one before, are larger at most frequencies.
+
+    Delays of frames have nothing to do with each other. An oscillation is larger at one frequency alone, and
+    a load that varies smoothly at low ones. Half of the ordinates of white noise exceed log 2 of their mean.
+    """
+    expected = np.abs(np.fft.rfft(weight, len(v))) ** 2
+    power = np.abs(np.fft.rfft(v)) ** 2 / len(v)
+    shown = expected > TENTH * expected.max()
+    level = np.median(power[shown] / expected[shown]) / np.log(2)
+    return bool(level > 1 + SIGMAS / np.log(2) / np.sqrt(shown.sum()))
