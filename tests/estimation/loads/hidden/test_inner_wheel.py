@@ -82,15 +82,16 @@ def claimed(found):
 
 
 @pytest.mark.long
-def test_wheels_of_any_size_that_pass_for_a_moment_are_in_the_claim_on_average():
+def test_wheels_of_any_size_that_pass_for_a_moment_are_in_the_claim():
     """Of a body that hardly turns, sizes uniform in their logarithm, as wheels are taken beforehand."""
-    rng, square = np.random.default_rng(7), []
+    rng, score = np.random.default_rng(7), []
     for seed in range(16):
         size = 10 ** rng.uniform(-4.5, 0.0)
         found = estimated(flown(size * WHEEL, samples=160, spin=(0.6, 0.5, 0.3), seed=100 + seed))
-        assert "inner-wheel" in found.verdict.codes
-        square.append(np.mean((found.moment / found.moment_std)[30:-30] ** 2))
-    assert np.sqrt(np.mean(square)) < 2.0  # moments of the largest are thirty times the claim without wheels
+        assert ("inner-wheel" in found.verdict.codes) == (size > 0.015)  # what smaller ones make, noise hides
+        score.append(np.sqrt(np.mean((found.moment / found.moment_std)[30:-30] ** 2)))
+    assert max(score) < 2.0  # moments of the largest are thirty times the claim without wheels
+    assert 0.5 < np.sqrt(np.mean(np.square(score))) < 1.3
 
 
 @pytest.mark.long
