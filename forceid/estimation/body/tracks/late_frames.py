@@ -45,7 +45,7 @@ def lateness(time: Array, pose: Pose) -> tuple[float, Array] | None:
         return None
     k = np.arange(ORDER + 1)
     weight = (-1.0) ** k * binom(ORDER, k)
-    weight /= np.linalg.norm(weight)
+    weight = np.asarray(weight / np.linalg.norm(weight), float)
     # so many differences in a row tell as much as one by itself
     overlap = float((np.correlate(weight, weight, "full") ** 2).sum())
     d, rate = (each @ weight)[steady], ((each[..., -1] - each[..., 0]) / (ORDER * step))[steady]
