@@ -44,8 +44,8 @@ def lateness(time: Array, pose: Pose) -> tuple[float, Array] | None:
     if steady.sum() < 2 * ORDER:
         return None
     k = np.arange(ORDER + 1)
-    weight = (-1.0) ** k * binom(ORDER, k)
-    weight = np.asarray(weight / np.linalg.norm(weight), float)
+    signed = np.asarray((-1.0) ** k * binom(ORDER, k), np.float64)
+    weight = np.asarray(signed / np.linalg.norm(signed), np.float64)
     # so many differences in a row tell as much as one by itself
     overlap = float((np.correlate(weight, weight, "full") ** 2).sum())
     d, rate = (each @ weight)[steady], ((each[..., -1] - each[..., 0]) / (ORDER * step))[steady]
