@@ -13,10 +13,11 @@ from forceid.records import Body, Motion, Recording
 STEP, FRAMES = 0.005, 300
 
 
-def thrown(seed, late, noise=3e-4, step=STEP, on_a_line=False):
+def thrown(seed, late, noise=3e-4, step=STEP, on_a_line=False, ripple=0.0):
     """A recording whose frames are `late` steps rms off their times; force and moment at these.
 
-    on_a_line: markers lie within 2 mm of a line that passes the mass center at 0.2 m.
+    on_a_line: markers lie within 2 mm of a line that passes the mass center at 0.2 m; ripple rad: of a turn
+    about the axis, at 0.3 cycles a frame, of which the moment is not given.
     """
     rng = np.random.default_rng([21, seed])
     said = step * np.arange(FRAMES)
@@ -34,7 +35,8 @@ def thrown(seed, late, noise=3e-4, step=STEP, on_a_line=False):
     )
     spin, swing, beat = rng.uniform(3, 9), rng.uniform(0.1, 0.4), rng.uniform(4, 9)
     center = v * time[:, None] - size * np.cos(w * time[:, None] + phase) / mass / w**2
-    R = Rotation.from_rotvec((spin * time + swing * np.sin(beat * time))[:, None] * axis).as_matrix()
+    angle = spin * time + swing * np.sin(beat * time) + ripple * np.sin(2 * np.pi * 0.3 * time / step)
+    R = Rotation.from_rotvec(angle[:, None] * axis).as_matrix()
     x = center[:, None] + X @ R.mT + noise * rng.standard_normal((FRAMES, 8, 3))
     force = size * np.cos(w * said[:, None] + phase)
     R = Rotation.from_rotvec((spin * said + swing * np.sin(beat * said))[:, None] * axis).as_matrix()
@@ -58,6 +60,13 @@ def test_frames_on_time_are_hardly_ever_called_late():
 def test_errors_of_a_turn_that_move_the_mass_center_by_their_square_are_not_called_late():
     for seed in range(12):
         recording, _, _ = thrown(seed, 0.0, on_a_line=True)
+        kin = kinematics(recording.body, recording.motion, load_settings(model="rigid"))
+        assert lateness(kin.time, kin.pose) is None
+
+
+def test_an_oscillation_along_the_motion_is_not_called_late():
+    for seed in range(12):
+        recording, _, _ = thrown(seed, 0.0, ripple=3e-2)
         kin = kinematics(recording.body, recording.motion, load_settings(model="rigid"))
         assert lateness(kin.time, kin.pose) is None
 
