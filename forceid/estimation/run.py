@@ -35,7 +35,13 @@ from forceid.estimation.routes import (
     moves_in_segments,
     of_segments,
 )
-from forceid.estimation.stated import check_stiffness, with_stated, without_mechanism
+from forceid.estimation.stated import (
+    as_shown,
+    check_stiffness,
+    judge_shown,
+    with_stated,
+    without_mechanism,
+)
 from forceid.estimation.verdict.body_errors import with_uncertain_body
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import (
@@ -64,7 +70,7 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     with recorded() as spent, stage("rest"), threads_for(3 * len(recording.body.node)):
         recording = with_stated(recording, settings)
         try:
-            result, _ = estimate_whole(without_mechanism(recording, settings), settings)
+            result = estimate_shown(without_mechanism(recording, settings), settings)
         except EstimationError as e:
             if not settings.part:
                 raise
@@ -81,6 +87,15 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
         runtime_s=perf_counter() - began,
         timing=in_order(spent),
     )
+
+
+def estimate_shown(recording: Recording, settings: Settings) -> Estimate:
+    """The estimate of a recording as one body, its mass center where its motion shows it to be."""
+    result, solution = estimate_whole(recording, settings)
+    if solution is None or solution.center_off is None:
+        return result
+    told = solution.kinematics.inertia.center
+    return estimate_whole(*as_shown(recording, settings, told, solution.center_off))[0]
 
 
 def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, Solution | None]:
@@ -136,7 +151,7 @@ def estimate_beside(
         doubt = doubt.model_copy(update={"mass_center": 0.0})
     open_state = with_uncertain_body(solution.state, solution.kinematics, solution.deformation, doubt)
     rounded = judge_rounding(motion, solution.kinematics.noise)
-    said = (*rounded, *judge_mending(mended), *solution.findings)
+    said = (*judge_shown(body), *rounded, *judge_mending(mended), *solution.findings)
     solution = replace(solution, state=open_state, findings=said)
     found = solution.kinematics
     deforms = bool(len(found.shapes))

@@ -1,4 +1,4 @@
-"""A recording as its settings state it, and the stiffness that a body may be told with."""
+"""A recording as its settings state it or as its motion shows it, and the stiffness told of its body."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from forceid.errors import DataError
 from forceid.estimation.body.inertia import without_node_rotations
 from forceid.estimation.body.material import with_material
 from forceid.estimation.body.rotors import with_rotors
+from forceid.estimation.verdict.catalogue import note
 from forceid.principal import objectivity
-from forceid.records import Body, Recording
+from forceid.records import Array, Body, Finding, Recording
 
 
 def with_stated(recording: Recording, settings: Settings) -> Recording:
@@ -28,6 +29,26 @@ def with_stated(recording: Recording, settings: Settings) -> Recording:
         body = replace(body, mass_rate=settings.mass_rate)
     body, motion = with_rotors(body, motion, settings.rotor)
     return replace(recording, body=with_material(body, settings), motion=motion)
+
+
+def as_shown(
+    recording: Recording, settings: Settings, center: Array, off: Array
+) -> tuple[Recording, Settings]:
+    """A recording and settings with the mass center where the motion shows it, off from `center`, as told.
+
+    It is as uncertain then as the motion leaves it, whatever was stated.
+    """
+    body = replace(recording.body, mass_center=center - off, center_off=float(np.linalg.norm(off)))
+    known = settings.body_std.model_copy(update={"mass_center": 0.0})
+    return replace(recording, body=body), settings.model_copy(update={"body_std": known})
+
+
+def judge_shown(body: Body) -> list[Finding]:
+    """Whether the mass center of a body is taken where its motion shows it."""
+    if body.center_off is None or body.mass_center is None:
+        return []
+    x, y, z = body.mass_center
+    return [note("center-shown", amount=1e3 * body.center_off, x=x, y=y, z=z)]
 
 
 def check_stiffness(body: Body) -> None:

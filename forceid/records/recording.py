@@ -41,6 +41,8 @@ class Body:
     stays, -1 for none; marker_shape (marker, 3) m: where markers are in one pose of the body; joint_segment
     (joint, 2): the nodes of the segments that meet at a joint, which is at joint_shape (joint, 3) m in that
     pose; marker and joint: their names.
+    center_off: how far, m, mass_center was told beside where its own motion showed it, and it is; None where
+    it is as told.
     """
 
     node: tuple[str, ...] = ()
@@ -70,6 +72,7 @@ class Body:
     joint: tuple[str, ...] = ()
     joint_segment: Array | None = None
     joint_shape: Array | None = None
+    center_off: float | None = None
 
     @property
     def inside_stated(self) -> bool:

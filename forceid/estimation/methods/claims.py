@@ -141,14 +141,13 @@ def allow_for_priors(problem: Problem) -> Problem:
     }
     inside = "moment" in channels and not problem.body.inside_stated and may_turn_inside(kin)
     turned = {name: problem.turned_at(name) for name in channels if kin.attitude}
-    beside = {}
-    if inside:
+    beside = told_of_body(problem, channels)
+    told = {*beside}
+    if inside or "moment" in told:
         clock = channels["moment"].time
         force = state.force[np.isin(problem.flight.time, clock)]
-        beside["moment"] = inner_wheel.signals(clock, turned["moment"], force)
-    told = told_of_body(problem, channels)
-    for name, (signals, _) in told.items():
-        beside[name] = np.concatenate([*([beside[name]] if name in beside else []), signals], 2)
+        seen = inner_wheel.signals(clock, turned["moment"], force)
+        beside["moment"] = np.concatenate([seen, *([beside["moment"]] if "moment" in told else [])], 2)
     looks = {
         name: whitened(channel, priors[name], problem.engine, beside.get(name), turned.get(name))
         for name, channel in channels.items()
@@ -157,11 +156,17 @@ def allow_for_priors(problem: Problem) -> Problem:
     rivals = {name: look for name, look in looks.items() if (one := known[name]) is None or not one.whole}
     problem = replace(problem, rivals=Rivals(rivals, state))
     growth = Rivals(rivals, state).growth()
-    shown = {load: (looks[load].beside(slice(-a.shape[2], None)), std) for load, (a, std) in told.items()}
-    doubt = {"force": problem.settings.body_std.mass_center, "moment": problem.settings.body_std.inertia}
-    unsaid = {load: one for load, one in shown.items() if not doubt[load]}
-    growth, wrong_mass, said = body_told.allow_for_told(unsaid, state, growth)
-    problem = replace(problem, wrong_mass=wrong_mass).noting(*said)
+    arm = float(np.sqrt(0.5 * np.trace(kin.inertia.tensor) / kin.inertia.mass))
+    levers = arm if problem.motion.gravity.any() else 0.0  # of a force; what flies without weight has none
+    doubt, believed = problem.settings.body_std, problem.body.center_off is None
+    wrong = {
+        name: body_told.told_in(name, looks[name], state, kin.inertia, doubt, levers, inside) for name in told
+    }
+    allowed = body_told.allow_for_told(wrong, state, growth, believed)
+    growth = allowed.growth
+    problem = replace(problem, wrong_mass=allowed.wrong_mass, center_off=allowed.center_off).noting(
+        *allowed.said
+    )
     # the saw teeth of rounding would pass for a shape that rings
     rounded = problem.rounding > TENTH * kin.noise.get("position", np.inf)
     shape = None if rounded else markers_beside_pose(kin, looks)
@@ -171,32 +176,31 @@ def allow_for_priors(problem: Problem) -> Problem:
         problem = replace(problem, ringing=ringing).noting(*said)
     if not inside:
         return replace(problem, growth=growth)
-    arm = float(np.sqrt(0.5 * np.trace(kin.inertia.tensor) / kin.inertia.mass))
-    weightless = not problem.motion.gravity.any()
-    off = told["moment"][1] if "moment" in told else 0.0
-    growth, said = inner_wheel.allow_for_wheels(looks["moment"], state, growth, arm, weightless, off)
+    off = wrong["moment"].std if "moment" in wrong else 0.0
+    growth, said = inner_wheel.allow_for_wheels(looks["moment"], state, growth, levers, off)
     return replace(problem, growth=growth).noting(*said)
 
 
-def told_of_body(problem: Problem, channels: Mapping[str, Channel]) -> dict[str, tuple[Array, float]]:
-    """What a mass center and an inertia told as numbers may make of each channel, and how far off these are.
+def told_of_body(problem: Problem, channels: Mapping[str, Channel]) -> dict[str, Array]:
+    """What each channel (time, 3, column) may show of a mass center and an inertia that are told as numbers.
 
-    As settings say, or as usual measurements leave them. Not of mass told by its places.
+    Not of mass told by its places.
     """
-    kin, doubt, told = problem.kin, problem.settings.body_std, {}
+    kin, state, seen = problem.kin, problem.state, dict[str, Array]()
     if kin.inertia.nodal is not None or not kin.attitude:
-        return {}
-    U, R = body_told.deforming_map(kin, problem.deformation.amplitude), problem.state.rotation
+        return seen
+    U, R = body_told.deforming_map(kin, problem.deformation.amplitude), state.rotation
     F = R @ U
     if "force" in channels:
-        shown = np.isin(kin.time, channels["force"].time)
-        told["force"] = F[shown], doubt.mass_center or body_told.balanced(kin.inertia)
+        time, shown = channels["force"].time, np.isin(kin.time, channels["force"].time)
+        turns = R[shown], state.omega[shown], state.moment[shown]
+        seen["force"] = body_told.by_center(time, F[shown], turns, kin.inertia.mass)
     if "moment" in channels:
         shown = np.isin(kin.time, channels["moment"].time)
-        rate = cross_matrix(problem.state.omega) @ F + R @ np.gradient(U, kin.time, axis=0)
-        wrong = body_told.by_inertia(channels["moment"].time, F[shown], rate[shown], kin.inertia.tensor)
-        told["moment"] = wrong, doubt.inertia or body_told.SWUNG
-    return told
+        rate = cross_matrix(state.omega) @ F + R @ np.gradient(U, kin.time, axis=0)
+        inertia = kin.inertia.tensor
+        seen["moment"] = body_told.by_inertia(channels["moment"].time, F[shown], rate[shown], inertia)
+    return seen
 
 
 def allow_for_modes(problem: Problem) -> Problem:
@@ -269,4 +273,5 @@ def solution_of(problem: Problem) -> Solution:
         rivals=problem.rivals,
         between=problem.between,
         wrong_mass=problem.wrong_mass,
+        center_off=problem.center_off,
     )

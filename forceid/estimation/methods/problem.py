@@ -58,7 +58,8 @@ class Problem:
     axes; between (time, 6, 6): variance of the wrench between axes of its loads that the record does not
     tell apart; growth: of the errors claimed, moving: of those of affine modes; impulses:
     of loads that come in pieces; ringing: loads that may ring with the body unseen; looks: channels as
-    their priors whiten them; wrong_mass: part by which the mass may be told wrong.
+    their priors whiten them; wrong_mass: part by which the mass may be told wrong; center_off: by what the
+    mass center is.
     """
 
     body: Body
@@ -98,6 +99,7 @@ class Problem:
     looks: Mapping[str, Whitened] = field(default_factory=dict)
     rivals: Rivals | None = None
     wrong_mass: float = 0.0
+    center_off: Array | None = None
 
     @property
     def kin(self) -> Kinematics:
@@ -217,7 +219,8 @@ class Solution:
     pieces; shown (6,): variance of the wrench that its innovations show at least, NaN where they do not;
     ringing: loads that may ring with the body unseen; looks: channels as their priors whiten them; modal:
     forces on modes, where the method tells them itself; rivals: what other priors make of the growth;
-    wrong_mass: part of itself by which the mass may be told wrong, as far as the record shows.
+    wrong_mass: part of itself by which the mass may be told wrong, as far as the record shows; center_off
+    (3,): by what, m, body axes, it shows the mass center to be told wrong, None for nothing.
     """
 
     kinematics: Kinematics
@@ -240,6 +243,7 @@ class Solution:
     rivals: Rivals | None = None
     between: Array | float = 0.0
     wrong_mass: float = 0.0
+    center_off: Array | None = None
 
     @property
     def grown(self) -> Array | None:

@@ -13,7 +13,7 @@ from forceid.config import load_settings
 from forceid.estimation.body.deforming.modes import split_rigid
 from forceid.estimation.methods import tuning
 from forceid.estimation.methods.smoother import estimate_flight
-from forceid.estimation.run import estimate_recording
+from forceid.estimation.run import estimate_whole
 from forceid.estimation.verdict import sensitivity as sn
 from forceid.estimation.verdict.body_errors import (
     SYMMETRIC,
@@ -82,8 +82,8 @@ def wrong_shape(motion, amplitude, change):
 
 
 def found_bias(recording, solution, body, settings=SETTINGS):
-    """What the estimate with another body differs by."""
-    there = estimate_recording(replace(recording, body=body), settings)
+    """What the estimate with another body differs by, whose mass center is believed."""
+    there, _ = estimate_whole(replace(recording, body=body), settings)
     return there.force - solution.state.force, there.moment - solution.state.moment
 
 

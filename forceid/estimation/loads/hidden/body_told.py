@@ -3,10 +3,14 @@
 A center told d beside its place, body axes, is seen at c + R d, and m (R d)'' passes for force. An inertia
 told dJ too large makes R dJ omega of angular momentum, and the rate of that passes for moment. Where the body
 deforms by a map F, both do with it. These are patterns that the motion fixes, and the record is more or less
-likely with them: beforehand as likely as none, of the size that usual measurements leave. The prior of the
-load has grown to what such a pattern passed for, so that smaller loads are tried beside it. Of a mass no
-motion tells. Who is seen to have told one of the three wrong is believed in none; who states how well the
-body is known (body_std) is believed.
+likely with them: beforehand as likely as none, of the size that is stated (body_std), or that usual
+measurements leave. The prior of the load has grown to what such a pattern passed for, so that smaller loads
+are tried beside it. So are their rivals, a force that keeps to the body, of a spring or a dashpot at a point
+of it or of a blow beside the center, those of a wheel, and an inertia of another size: what they explain as
+well tells of nothing wrong. Of a mass no motion
+tells, nor of the size of an inertia. Who is seen to have told one of the three wrong is believed in none.
+A mass center that a record shows beside its rivals, at odds that chance reaches once in a hundred, is taken
+there. An inertia is not: what it makes is worked out from the very turn that is to tell of it.
 Source: principal equations 2.4, 2.6.
 """
 
@@ -14,13 +18,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
+from scipy.linalg import null_space
 
+from forceid.config import BodyStdSetting
 from forceid.estimation.body.inertia import Inertia, second_moment
 from forceid.estimation.body.kinematics import Kinematics, mapped, shape_at
-from forceid.estimation.loads.hidden.inner_wheel import STRONG
+from forceid.estimation.loads.hidden.inner_wheel import LEVERS, STRONG, TOLD, TURNING, WHEEL
 from forceid.estimation.loads.hidden.order_uncertainty import claimed_along, grown
 from forceid.estimation.loads.hidden.patterns import patterns_held
 from forceid.estimation.loads.hidden.whitened import Whitened
@@ -29,12 +36,62 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.smoother import FlightState
 from forceid.records import Array, Finding
-from forceid.significance import SIGMAS, TENTH
+from forceid.significance import CHANCE, SIGMAS, TENTH
 
 BALANCED = 0.01  # of the length of a body: as near its mass center is found by balancing it on an edge
 OWN = {"force": slice(0, 3), "moment": slice(3, 6)}
 SAID = {"force": ("center-told", "N", 1e3), "moment": ("inertia-told", "N m", 100.0)}  # in mm, in percent
 SWUNG = 0.02  # of moments of inertia, and the mass in them: as well they are known by swings on wires
+# columns of `by_center`
+CENTER, SPRING, DASHPOT, BESIDE = slice(3), slice(3, 6), slice(6, 9), slice(9, 18)
+SIZE, NONE = slice(17, 18), slice(0)  # columns that no motion tells: the last of `by_inertia`, or none
+
+
+@dataclass(frozen=True)
+class Told:
+    """What of a body may be told wrong, beside its rivals, in the channel of the load that it makes.
+
+    look: the channel beside all of these; columns: those of what may be wrong by std each before the record
+    is seen, `size`: those that no motion tells, of the same std; rivals: columns, and the std of their
+    amounts. stated: whether who told it said how well he knows it.
+    """
+
+    look: Whitened
+    columns: slice
+    size: slice
+    std: float
+    rivals: tuple[tuple[slice, float], ...]
+    stated: bool
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """A mass center, or an inertia, that may be told wrong, and the load that it makes.
+
+    gained: log-likelihood that the record gains by it, beside its rivals; amounts (column,) of what is
+    wrong; off (3,): rms of what is then wrong with the load, along `axes` ([time,] 3, 3) of its prior, and
+    claimed (3,) without it.
+    """
+
+    load: str
+    gained: float
+    amounts: Array
+    off: Array
+    claimed: Array
+    axes: Array
+
+
+class Allowance(NamedTuple):
+    """Growth ([time,] 6, 6) of claimed errors that allows for a body told wrong, and what is said of it.
+
+    wrong_mass: part of itself by which the mass may be told wrong; center_off (3,) m, body axes: by what the
+    mass center is shown to be.
+    """
+
+    growth: Array
+    wrong_mass: float = 0.0
+    said: tuple[Finding, ...] = ()
+    center_off: Array | None = None
 
 
 def balanced(inertia: Inertia) -> float:
@@ -52,67 +109,125 @@ def deforming_map(kin: Kinematics, amplitude: Array) -> Array:
     return mapped(kin.shape, shape_at(kin, amplitude))
 
 
+def by_center(time: Array, F: Array, state: tuple[Array, Array, Array], mass: float) -> Array:
+    """What the channel of a force (time, 3, 18) sees of a mass center told wrong, and of its rivals.
+
+    Of each unit, along axes of the body: a place in what it carries, F (time, 3, 3); a force that keeps to
+    the body, as of a spring at a point of it; its rate over the spin, as of a dashpot there; a force along
+    one axis that goes with the moment about another, over its size, as of a blow beside the center. state:
+    rotation (time, 3, 3), spin and moment (time, 3).
+    """
+    R, omega, moment = state
+    about = np.einsum("tba,tb->ta", R, moment) / (length(moment) or 1.0)
+    forces = np.concatenate([R, (R[:, :, :, None] * about[:, None, None]).reshape(len(R), 3, 9)], 2)
+    once = cumulative_trapezoid(forces, time, axis=0, initial=0) / mass
+    twice = cumulative_trapezoid(once, time, axis=0, initial=0)
+    damped = once[..., :3] / max(length(omega), 1 / float(np.ptp(time)))
+    return np.concatenate([F, twice[..., :3], damped, twice[..., 3:]], 2)
+
+
 def by_inertia(time: Array, F: Array, rate: Array, inertia: Array) -> Array:
-    """What the channel of a moment (time, 3, 6) sees of entries of J told too large, over its diagonal.
+    """What the channel of a moment (time, 3, 6) sees of an inertia told too large, by its columns of `parts`.
 
     F, rate (time, 3, 3): of what the body carries, world axes, and its rate; inertia (3, 3) kg m2, body axes.
     The angular momentum of a second moment E is the axial part of F E F'^T.
     """
-    scale, H = np.sqrt(np.diagonal(inertia)), []
-    for i, j in SYMMETRIC:
-        wrong = np.zeros((3, 3))
-        wrong[i, j] = wrong[j, i] = scale[i] * scale[j]
+    H = []
+    for wrong in parts(inertia):
         each = F @ second_moment(wrong) @ rate.mT
         H.append(np.stack([each[:, a, b] - each[:, b, a] for a, b in ((1, 2), (2, 0), (0, 1))], 1))
     return np.asarray(cumulative_trapezoid(np.stack(H, -1), time, axis=0, initial=0))
 
 
-@dataclass(frozen=True)
-class Wrong:
-    """A mass center, or an inertia, that may be told wrong, and the load that it makes.
+def parts(inertia: Array) -> Array:
+    """Parts (6, 3, 3) of an inertia (3, 3), all of one size beside its diagonal, the last along itself."""
+    scale, entries = np.sqrt(np.diagonal(inertia)), np.zeros((len(SYMMETRIC), 3, 3))
+    for entry, (i, j) in zip(entries, SYMMETRIC, strict=True):
+        entry[i, j] = entry[j, i] = scale[i] * scale[j]
+    own = np.array([inertia[i, j] / (scale[i] * scale[j]) for i, j in SYMMETRIC])
+    own = own[:, None] / np.linalg.norm(own)
+    return np.asarray(np.einsum("kp,kij->pij", np.concatenate([null_space(own.T), own], 1), entries))
 
-    gained: log-likelihood that the record gains by it; amounts (column,) of what is wrong; off (3,): rms of
-    what is then wrong with the load, along `axes` ([time,] 3, 3) of its prior, and claimed (3,) without it.
+
+def told_in(
+    load: str,
+    look: Whitened,
+    state: FlightState,
+    inertia: Inertia,
+    doubt: BodyStdSetting,
+    lever: float,
+    inside: bool,
+) -> Told:
+    """What of a body may be told wrong in the channel of a load.
+
+    look: beside `by_center`, or `inner_wheel.signals` and `by_inertia` behind them; doubt: how well it is
+    known, as stated; lever m: of a force that turns the body, 0 for none; inside: whether a wheel may be.
     """
+    size = found_of(state, load)
+    if load == "force":
+        rivals, said = [(one, size) for one in (SPRING, DASHPOT, BESIDE)], doubt.mass_center
+        columns, unseen, std = CENTER, NONE, said or balanced(inertia)
+    else:
+        wheel = length(state.H) / np.sqrt(3) if inside else 0.0
+        rivals = [(TURNING, size), *((columns, lever) for columns in LEVERS), (WHEEL, wheel)]
+        rivals, said = [*rivals, (SIZE, doubt.inertia or SWUNG)], doubt.inertia
+        columns, unseen, std = TOLD, SIZE, said or SWUNG
+    return Told(look, columns, unseen, std, tuple(one for one in rivals if one[1]), bool(said))
 
-    load: str
-    gained: float
-    amounts: Array
-    off: Array
-    claimed: Array
-    axes: Array
 
-
-def wrongs(told: Mapping[str, tuple[Whitened, float]], state: FlightState, growth: Array) -> Iterator[Wrong]:
-    """What may be told wrong and would matter, of each load.
-
-    told: by load, its channel beside what a wrong body makes, and the size of that before the record is seen.
-    """
-    for load, (look, std) in told.items():
-        own, edge = OWN[load], len(look.loads) // 8
-        axes, made = look.prior.axes_along(state.rotation), look.loads[edge : len(look.loads) - edge]
+def wrongs(told: Mapping[str, Told], state: FlightState, growth: Array) -> Iterator[Wrong]:
+    """What may be told wrong and would matter, of each load; growth: of claims, without it."""
+    for load, one in told.items():
+        look, own, edge = one.look, OWN[load], len(one.look.loads) // 8
+        axes, loads = look.prior.axes_along(state.rotation), look.loads[edge : len(look.loads) - edge]
+        made, unseen = loads[..., one.columns], loads[..., one.size]
         claimed = np.sqrt(claimed_along(axes, grown(state, growth).wrench_cov[:, own, own]))
-        if not SIGMAS * std * np.sqrt(np.mean((made**2).sum(2), axis=0) / claimed**2).max() > TENTH:
+        if not SIGMAS * one.std * np.sqrt(np.mean((made**2).sum(2), axis=0) / claimed**2).max() > TENTH:
             continue
-        (held,) = patterns_held(look, [(slice(None), std)], found_of(state, load))
-        square = (made @ held.amounts) ** 2 + np.einsum("tah,hk,tak->ta", made, held.cov, made, optimize=True)
-        yield Wrong(load, held.gained, held.amounts, np.sqrt(np.mean(square, axis=0)), claimed, axes)
+        gained, amounts, cov = beside_rivals(one, found_of(state, load))
+        square = (made @ amounts) ** 2 + np.einsum("tah,hk,tak->ta", made, cov, made, optimize=True)
+        square += one.std**2 * (unseen**2).sum(2)
+        off = np.sqrt(np.mean(square, axis=0))
+        yield Wrong(load, gained, amounts, off, claimed, axes)
+
+
+def beside_rivals(told: Told, size: float) -> tuple[float, Array, Array]:
+    """Log-likelihood that a record gains by what is told wrong, its amounts (column,) and their covariance.
+
+    With it and without it each rival is as likely there as none; size: of the load found.
+    """
+    every = np.arange(told.look.also.shape[2])
+    wrong = every[told.columns], np.full(len(every[told.columns]), told.std)
+    rivals = [(every[own], np.full(len(every[own]), std)) for own, std in told.rivals]
+    both = [(np.append(wrong[0], own), np.append(wrong[1], std)) for own, std in rivals]
+    held = patterns_held(told.look, [wrong, *both, *rivals], size)
+    with_it, without = held[: len(both) + 1], [0.0, *(one.gained for one in held[len(both) + 1 :])]
+    each, own = np.array([one.gained for one in with_it]), slice(len(wrong[0]))
+    total = np.logaddexp.reduce(each)
+    weight, amounts = np.exp(each - total), np.array([one.amounts[own] for one in with_it])
+    mean = weight @ amounts
+    apart = np.einsum("r,ri,rj->ij", weight, amounts - mean, amounts - mean)
+    cov = np.einsum("r,rij->ij", weight, [one.cov[own, own] for one in with_it]) + apart
+    return float(total - np.logaddexp.reduce(without)), mean, cov
 
 
 def allow_for_told(
-    told: Mapping[str, tuple[Whitened, float]], state: FlightState, growth: Array
-) -> tuple[Array, float, tuple[Finding, ...]]:
-    """Growth ([time,] 6, 6) of claimed errors that allows for a body told wrong; findings where that matters.
+    told: Mapping[str, Told], state: FlightState, growth: Array, believed: bool = True
+) -> Allowance:
+    """What claims must allow for a body told wrong; findings where that matters.
 
-    And the part of itself by which the mass may be told wrong. told: as of `wrongs`. Who is seen to have
-    measured the one badly did the others, as far as that is open.
+    believed: whether nothing told of the body was seen to be wrong before. Who is seen to have measured the
+    one badly did the others, as far as that is open; who said how well he knows it has claimed that already.
     """
     each, said = list(wrongs(told, state, growth)), []
     best = max((one.gained for one in each), default=0.0)
-    badly = best > np.log(STRONG)
+    center = next((w.amounts for w in each if w.load == "force" and w.gained > -np.log(CHANCE)), None)
+    badly = best > np.log(STRONG) or not believed
     for one in each:
-        odds = np.exp(best if badly else one.gained)
-        ratio = odds / (1 + odds) * (one.off / one.claimed) ** 2
+        if told[one.load].stated:
+            continue
+        odds = np.exp(-(best if badly else one.gained))
+        ratio = (1.0 if not believed else 1 / (1 + odds)) * (one.off / one.claimed) ** 2
         further = np.tile(np.eye(6), (*one.axes.shape[:-2], 1, 1))
         further[..., OWN[one.load], OWN[one.load]] = one.axes * np.sqrt(1 + ratio) @ one.axes.mT
         growth = np.asarray(further @ growth)
@@ -120,7 +235,7 @@ def allow_for_told(
             code, unit, scale = SAID[one.load]
             amount, made = scale * float(np.linalg.norm(one.amounts)), float(np.linalg.norm(one.off))
             said.append(note(code, amount=amount, made=made, found=found_of(state, one.load), unit=unit))
-    return growth, SWUNG if badly else 0.0, tuple(said)
+    return Allowance(growth, SWUNG if badly else 0.0, tuple(said), center)
 
 
 def found_of(state: FlightState, load: str) -> float:

@@ -34,7 +34,7 @@ from forceid.significance import CHANCE, SIGMAS, TENTH
 
 SPACING = 0.5 * np.log(10)  # of sizes of wheels, in logarithm: two a decade
 # columns of `signals`, behind which are those of an inertia told wrong
-WHEEL, TURNING, POINTS, TOLD = slice(3), slice(3, 6), (slice(6, 9), slice(9, 12)), slice(12, None)
+WHEEL, TURNING, LEVERS, TOLD = slice(3), slice(3, 6), (slice(6, 9), slice(9, 12)), slice(12, 17)
 STRONG = 10.0  # odds by which a record excludes a wheel (Jeffreys, Theory of Probability, B)
 
 
@@ -69,21 +69,20 @@ def allow_for_wheels(
     look: Whitened,
     state: FlightState,
     growth: Array,
-    arm: float,
-    weightless: bool,
+    lever: float,
     told: float = 0.0,
 ) -> tuple[Array, tuple[Finding, ...]]:
     """Growth ([time,] 6, 6) of claimed errors that allows for wheels as well; a finding on those beyond it.
 
     By the law of total variance: unlike a load, a wheel has a largest size that the variance may rest on.
     look: at the channel of the moment, beside `signals` and, where told is not zero, what an inertia told
-    wrong makes, which is that far off; arm m: of a force, the radius of gyration.
+    wrong makes, which is that far off; lever m: of a force, the radius of gyration, 0 for none.
     """
     edge, axes = len(state.wrench_cov) // 8, look.prior.axes_along(state.rotation)
     inner = slice(edge, len(state.wrench_cov) - edge)
     claimed = np.sqrt(claimed_along(axes, grown(state, growth).wrench_cov[:, 3:, 3:]))
     size = length(state.moment)
-    rivals = [(TURNING, size), *((point, arm) for point in POINTS if not weightless), (TOLD, told)]
+    rivals = [(TURNING, size), *((columns, lever) for columns in LEVERS), (TOLD, told)]
     rivals = [(columns, std) for columns, std in rivals if std]
     sizes = sizes_of_wheels(look, length(state.H) / np.sqrt(3), TENTH * float(np.linalg.norm(claimed)))
     held = patterns_held(look, [*rivals, *((WHEEL, one) for one in sizes)], size)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.estimation.loads.hidden.whitened import Whitened
-from forceid.records import Array
+from forceid.records import Array, Indices
 from forceid.significance import OUTLIER, TENTH
 
 MOST_GAINED = 500.0  # log-likelihood beyond which odds are certain, and their numbers too large to hold
@@ -28,8 +28,10 @@ class Held:
     cov: Array
 
 
-def patterns_held(look: Whitened, patterns: Sequence[tuple[slice, float]], size: float) -> list[Held]:
-    """How far a record holds patterns: each some columns of what a channel may show, in amounts of one std.
+def patterns_held(
+    look: Whitened, patterns: Sequence[tuple[Indices | slice, float | Array]], size: float
+) -> list[Held]:
+    """How far a record holds patterns: each some columns of what a channel may show, and the std of amounts.
 
     With and without one the load may be of any size up to the one found, and its mean as well, which is of
     this size: each half of the last, as long as the record is likelier with any pattern.
@@ -57,12 +59,12 @@ def patterns_held(look: Whitened, patterns: Sequence[tuple[slice, float]], size:
     return [Held(min(g, MOST_GAINED), *best) for g, best in zip(gained, likeliest, strict=True)]
 
 
-def amounts(signals: Array, innovation: Array, std: float) -> tuple[Array, Array, float]:
+def amounts(signals: Array, innovation: Array, std: float | Array) -> tuple[Array, Array, float]:
     """How much of each signal (time, 3, column) innovations (time, 3) hold: (column,), and its covariance.
 
     std: of the amounts, before the record is seen. And half the logarithm by which seeing them narrows them.
     """
-    A = signals.reshape(-1, signals.shape[2])
-    told = A.T @ A + np.eye(len(A.T)) / std**2
-    cov = np.asarray(np.linalg.inv(told), float)
-    return cov @ (A.T @ innovation.ravel()), cov, 0.5 * float(np.linalg.slogdet(std**2 * told)[1])
+    A = signals.reshape(-1, signals.shape[2]) * std  # amounts of one beforehand
+    told = A.T @ A + np.eye(len(A.T))
+    cov = np.linalg.inv(told) * (std * np.ones(len(told)))[:, None] * std
+    return cov @ (A.T @ innovation.ravel() / std), cov, 0.5 * float(np.linalg.slogdet(told)[1])
