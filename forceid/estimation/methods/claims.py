@@ -193,8 +193,8 @@ def told_of_body(problem: Problem, channels: Mapping[str, Channel]) -> dict[str,
     F = R @ U
     if "force" in channels:
         time, shown = channels["force"].time, np.isin(kin.time, channels["force"].time)
-        turns = R[shown], state.omega[shown], state.moment[shown]
-        seen["force"] = body_told.by_center(time, F[shown], turns, kin.inertia.mass)
+        moves = R[shown], state.omega[shown], state.moment[shown], state.velocity[shown]
+        seen["force"] = body_told.by_center(time, F[shown], moves, kin.inertia.mass)
     if "moment" in channels:
         shown = np.isin(kin.time, channels["moment"].time)
         rate = cross_matrix(state.omega) @ F + R @ np.gradient(U, kin.time, axis=0)

@@ -6,11 +6,12 @@ deforms by a map F, both do with it. These are patterns that the motion fixes, a
 likely with them: beforehand as likely as none, of the size that is stated (body_std), or that usual
 measurements leave. The prior of the load has grown to what such a pattern passed for, so that smaller loads
 are tried beside it. So are their rivals, a force that keeps to the body, of a spring or a dashpot at a point
-of it or of a blow beside the center, those of a wheel, and an inertia of another size: what they explain as
-well tells of nothing wrong. Of a mass no motion
-tells, nor of the size of an inertia. Who is seen to have told one of the three wrong is believed in none.
+of it, of a blow beside the center or of air, those of a wheel, and an inertia of another size: what they
+explain as well tells of nothing wrong. Of a mass no motion tells, nor of the size of an inertia. Who is seen
+to have told one of the three wrong is believed in none.
 A mass center that a record shows beside its rivals, at odds that chance reaches once in a hundred, is taken
-there. An inertia is not: what it makes is worked out from the very turn that is to tell of it.
+there: if every part of the record shows it, which a blow does not, and the same, which air does not. An
+inertia is not: what it makes is worked out from the very turn that is to tell of it.
 Source: principal equations 2.4, 2.6.
 """
 
@@ -29,7 +30,7 @@ from forceid.estimation.body.inertia import Inertia, second_moment
 from forceid.estimation.body.kinematics import Kinematics, mapped, shape_at
 from forceid.estimation.loads.hidden.inner_wheel import LEVERS, STRONG, TOLD, TURNING, WHEEL
 from forceid.estimation.loads.hidden.order_uncertainty import claimed_along, grown
-from forceid.estimation.loads.hidden.patterns import patterns_held
+from forceid.estimation.loads.hidden.patterns import MOST_GAINED, patterns_held
 from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.estimation.verdict.body_errors import SYMMETRIC
 from forceid.estimation.verdict.catalogue import note
@@ -43,7 +44,8 @@ OWN = {"force": slice(0, 3), "moment": slice(3, 6)}
 SAID = {"force": ("center-told", "N", 1e3), "moment": ("inertia-told", "N m", 100.0)}  # in mm, in percent
 SWUNG = 0.02  # of moments of inertia, and the mass in them: as well they are known by swings on wires
 # columns of `by_center`
-CENTER, SPRING, DASHPOT, BESIDE = slice(3), slice(3, 6), slice(6, 9), slice(9, 18)
+CENTER, SPRING, DASHPOT = slice(3), slice(3, 6), slice(6, 9)
+BLOW, AIR = ([9 + 6 * axis + kind + k for axis in range(3) for k in range(3)] for kind in (0, 3))
 SIZE, NONE = slice(17, 18), slice(0)  # columns that no motion tells: the last of `by_inertia`, or none
 
 
@@ -60,7 +62,7 @@ class Told:
     columns: slice
     size: slice
     std: float
-    rivals: tuple[tuple[slice, float], ...]
+    rivals: tuple[tuple[slice | list[int], float], ...]
     stated: bool
 
 
@@ -68,13 +70,14 @@ class Told:
 class Wrong:
     """A mass center, or an inertia, that may be told wrong, and the load that it makes.
 
-    gained: log-likelihood that the record gains by it, beside its rivals; amounts (column,) of what is
-    wrong; off (3,): rms of what is then wrong with the load, along `axes` ([time,] 3, 3) of its prior, and
-    claimed (3,) without it.
+    gained: log-likelihood that the record gains by it, beside its rivals; steady: whether every part of it
+    shows that, and the same; amounts (column,) of what is wrong; off (3,): rms of what is then wrong with the
+    load, along `axes` ([time,] 3, 3) of its prior, and claimed (3,) without it.
     """
 
     load: str
     gained: float
+    steady: bool
     amounts: Array
     off: Array
     claimed: Array
@@ -109,17 +112,20 @@ def deforming_map(kin: Kinematics, amplitude: Array) -> Array:
     return mapped(kin.shape, shape_at(kin, amplitude))
 
 
-def by_center(time: Array, F: Array, state: tuple[Array, Array, Array], mass: float) -> Array:
-    """What the channel of a force (time, 3, 18) sees of a mass center told wrong, and of its rivals.
+def by_center(time: Array, F: Array, state: tuple[Array, Array, Array, Array], mass: float) -> Array:
+    """What the channel of a force (time, 3, 27) sees of a mass center told wrong, and of its rivals.
 
     Of each unit, along axes of the body: a place in what it carries, F (time, 3, 3); a force that keeps to
     the body, as of a spring at a point of it; its rate over the spin, as of a dashpot there; a force along
-    one axis that goes with the moment about another, over its size, as of a blow beside the center. state:
-    rotation (time, 3, 3), spin and moment (time, 3).
+    one axis that goes with the moment about another, over its size, as of a blow beside the center; and one
+    that goes with the velocity along another and with the speed, as of air. state: rotation (time, 3, 3),
+    spin, moment and velocity (time, 3).
     """
-    R, omega, moment = state
-    about = np.einsum("tba,tb->ta", R, moment) / (length(moment) or 1.0)
-    forces = np.concatenate([R, (R[:, :, :, None] * about[:, None, None]).reshape(len(R), 3, 9)], 2)
+    R, omega, moment, velocity = state
+    speed = np.linalg.norm(velocity, axis=1)[:, None]
+    each = [np.einsum("tba,tb->ta", R, one) for one in (moment, velocity * speed)]
+    about = np.stack([one / (length(one) or 1.0) for one in each], 1).reshape(len(R), 1, 1, 6)
+    forces = np.concatenate([R, (R[:, :, :, None] * about).reshape(len(R), 3, 18)], 2)
     once = cumulative_trapezoid(forces, time, axis=0, initial=0) / mass
     twice = cumulative_trapezoid(once, time, axis=0, initial=0)
     damped = once[..., :3] / max(length(omega), 1 / float(np.ptp(time)))
@@ -165,7 +171,7 @@ def told_in(
     """
     size = found_of(state, load)
     if load == "force":
-        rivals, said = [(one, size) for one in (SPRING, DASHPOT, BESIDE)], doubt.mass_center
+        rivals, said = [(one, size) for one in (SPRING, DASHPOT, BLOW, AIR)], doubt.mass_center
         columns, unseen, std = CENTER, NONE, said or balanced(inertia)
     else:
         wheel = length(state.H) / np.sqrt(3) if inside else 0.0
@@ -184,17 +190,18 @@ def wrongs(told: Mapping[str, Told], state: FlightState, growth: Array) -> Itera
         claimed = np.sqrt(claimed_along(axes, grown(state, growth).wrench_cov[:, own, own]))
         if not SIGMAS * one.std * np.sqrt(np.mean((made**2).sum(2), axis=0) / claimed**2).max() > TENTH:
             continue
-        gained, amounts, cov = beside_rivals(one, found_of(state, load))
+        gained, steady, amounts, cov = beside_rivals(one, found_of(state, load))
         square = (made @ amounts) ** 2 + np.einsum("tah,hk,tak->ta", made, cov, made, optimize=True)
         square += one.std**2 * (unseen**2).sum(2)
         off = np.sqrt(np.mean(square, axis=0))
-        yield Wrong(load, gained, amounts, off, claimed, axes)
+        yield Wrong(load, gained, steady, amounts, off, claimed, axes)
 
 
-def beside_rivals(told: Told, size: float) -> tuple[float, Array, Array]:
+def beside_rivals(told: Told, size: float) -> tuple[float, bool, Array, Array]:
     """Log-likelihood that a record gains by what is told wrong, its amounts (column,) and their covariance.
 
-    With it and without it each rival is as likely there as none; size: of the load found.
+    And whether these are steady: parts of the record gain by them, but no more by amounts of their own. With
+    it and without it each rival is as likely there as none; size: of the load found.
     """
     every = np.arange(told.look.also.shape[2])
     wrong = every[told.columns], np.full(len(every[told.columns]), told.std)
@@ -208,7 +215,9 @@ def beside_rivals(told: Told, size: float) -> tuple[float, Array, Array]:
     mean = weight @ amounts
     apart = np.einsum("r,ri,rj->ij", weight, amounts - mean, amounts - mean)
     cov = np.einsum("r,rij->ij", weight, [one.cov[own, own] for one in with_it]) + apart
-    return float(total - np.logaddexp.reduce(without)), mean, cov
+    apart = held[0].apart
+    steady = held[0].gained >= min(max(apart), MOST_GAINED) and CHANCE * np.exp(min(apart)) > 1
+    return float(total - np.logaddexp.reduce(without)), steady, mean, cov
 
 
 def allow_for_told(
@@ -221,7 +230,7 @@ def allow_for_told(
     """
     each, said = list(wrongs(told, state, growth)), []
     best = max((one.gained for one in each), default=0.0)
-    center = next((w.amounts for w in each if w.load == "force" and w.gained > -np.log(CHANCE)), None)
+    shown = [one for one in each if one.load == "force" and one.steady and CHANCE * np.exp(one.gained) > 1]
     badly = best > np.log(STRONG) or not believed
     for one in each:
         if told[one.load].stated:
@@ -235,7 +244,7 @@ def allow_for_told(
             code, unit, scale = SAID[one.load]
             amount, made = scale * float(np.linalg.norm(one.amounts)), float(np.linalg.norm(one.off))
             said.append(note(code, amount=amount, made=made, found=found_of(state, one.load), unit=unit))
-    return Allowance(growth, SWUNG if badly else 0.0, tuple(said), center)
+    return Allowance(growth, SWUNG if badly else 0.0, tuple(said), shown[0].amounts if shown else None)
 
 
 def found_of(state: FlightState, load: str) -> float:

@@ -16,14 +16,19 @@ from forceid.records import Array, Indices
 from forceid.significance import OUTLIER, TENTH
 
 MOST_GAINED = 500.0  # log-likelihood beyond which odds are certain, and their numbers too large to hold
+PIECES = (2, 4)  # of a record, in which a pattern that is none will differ
 SIZES = 10  # of a load, each half of the last: to a thousandth
 
 
 @dataclass(frozen=True)
 class Held:
-    """Log-likelihood that a record gains by a pattern; the amounts (column,) likeliest of it, their cov."""
+    """Log-likelihood that a record gains by a pattern; the amounts (column,) likeliest of it, their cov.
+
+    apart: what it gains by amounts of their own in each half of the record, and in each quarter.
+    """
 
     gained: float
+    apart: tuple[float, ...]
     amounts: Array
     cov: Array
 
@@ -37,34 +42,44 @@ def patterns_held(
     this size: each half of the last, as long as the record is likelier with any pattern.
     """
     none: list[float] = []
-    each: list[list[tuple[float, Array, Array]]] = [[] for _ in patterns]
+    each: list[list[tuple[float, Array, Array, Array]]] = [[] for _ in patterns]
     for mean_too in (False, True):
         highest = np.full(len(patterns), -np.inf)
         for share in 0.5 ** np.arange(mean_too, SIZES):
             one = look.filtered(look.prior.scaled(share, size * share**mean_too))
             v = np.nan_to_num(one.innovation)
+            at = np.arange(len(v))
             own, signals = np.clip(v[:, 0], -OUTLIER, OUTLIER), np.moveaxis(v[:, 1:], 1, 2)
             none.append(float(one.log_likelihood[0]))
             for found, (columns, std) in zip(each, patterns, strict=True):
-                amount, cov, volume = amounts(signals[:, :, columns], own, std)
-                more = 0.5 * float(amount @ np.linalg.solve(cov, amount)) - volume
-                found.append((none[-1] + more, amount, cov))
+                amount, cov, more = amounts(signals[:, :, columns], own, std)
+                apart = [
+                    sum(amounts(signals[k][..., columns], own[k], std)[2] for k in np.array_split(at, pieces))
+                    for pieces in PIECES
+                ]
+                found.append((none[-1] + more, amount, cov, none[-1] + np.array(apart, float)))
             level = np.array([found[-1][0] for found in each])
             if not (level > highest + TENTH).any():
                 break
             highest = np.maximum(level, highest)
     without = np.logaddexp.reduce(none)
-    likeliest = [max(found, key=lambda one: one[0])[1:] for found in each]
-    gained = [float(np.logaddexp.reduce([one[0] for one in found]) - without) for found in each]
-    return [Held(min(g, MOST_GAINED), *best) for g, best in zip(gained, likeliest, strict=True)]
+    held = []
+    for found in each:
+        _, amount, cov, _ = max(found, key=lambda one: one[0])
+        gained = float(np.logaddexp.reduce([one[0] for one in found]) - without)
+        in_parts = np.logaddexp.reduce([one[3] for one in found]) - without
+        held.append(Held(min(gained, MOST_GAINED), tuple(in_parts.tolist()), amount, cov))
+    return held
 
 
 def amounts(signals: Array, innovation: Array, std: float | Array) -> tuple[Array, Array, float]:
     """How much of each signal (time, 3, column) innovations (time, 3) hold: (column,), and its covariance.
 
-    std: of the amounts, before the record is seen. And half the logarithm by which seeing them narrows them.
+    std: of the amounts, before the record is seen. And the log-likelihood that it gains by them.
     """
     A = signals.reshape(-1, signals.shape[2]) * std  # amounts of one beforehand
     told = A.T @ A + np.eye(len(A.T))
     cov = np.linalg.inv(told) * (std * np.ones(len(told)))[:, None] * std
-    return cov @ (A.T @ innovation.ravel() / std), cov, 0.5 * float(np.linalg.slogdet(told)[1])
+    seen = A.T @ innovation.ravel()
+    gained = 0.5 * float(seen @ np.linalg.solve(told, seen) - np.linalg.slogdet(told)[1])
+    return cov @ (seen / std), cov, gained
