@@ -164,9 +164,9 @@ def allow_for_priors(problem: Problem) -> Problem:
     }
     allowed = body_told.allow_for_told(wrong, state, growth, believed)
     growth = allowed.growth
-    problem = replace(problem, wrong_mass=allowed.wrong_mass, center_off=allowed.center_off).noting(
-        *allowed.said
-    )
+    # of a mean motion the center is measured, wherever the body is told to have it
+    center_off = None if problem.motion.position is None else allowed.center_off
+    problem = replace(problem, wrong_mass=allowed.wrong_mass, center_off=center_off).noting(*allowed.said)
     # the saw teeth of rounding would pass for a shape that rings
     rounded = problem.rounding > TENTH * kin.noise.get("position", np.inf)
     shape = None if rounded else markers_beside_pose(kin, looks)

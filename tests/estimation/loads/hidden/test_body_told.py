@@ -95,6 +95,22 @@ def test_a_mass_center_that_the_motion_shows_is_taken_there(stretch):
     assert np.median(less) < 0.1
 
 
+def test_a_mass_center_that_is_measured_stays_where_it_was_measured():
+    """A mean motion whose center is 4 mm beside the point that moves freely: no place that is told."""
+    one, noise = thrown(4, 0.0), 1e-4
+    flown = estimate_recording(one, load_settings(model="rigid"))
+    beside = Rotation.from_quat(flown.orientation).apply([0.004, -0.003, 0.0])
+    center = flown.center + beside + noise * np.random.default_rng(8).standard_normal((FRAMES, 3))
+    motion = Motion(
+        flown.time, None, center=center, orientation=flown.orientation, gravity=np.zeros(3),
+        noise_std={"center": noise, "orientation": 1e-3},
+    )  # fmt: skip
+    found = estimate_recording(replace(one, motion=motion), load_settings(model="rigid"))
+    codes = {finding.code for finding in found.verdict.findings}
+    assert "center-told" in codes
+    assert "center-shown" not in codes
+
+
 def test_what_a_record_shows_of_a_center_is_no_more_than_its_rivals_leave():
     """A force that keeps to a body which spins steadily is no mass center told wrong."""
     one = thrown(3, 0.0)
