@@ -43,9 +43,8 @@ BALANCED = 0.01  # of the length of a body: as near its mass center is found by 
 OWN = {"force": slice(0, 3), "moment": slice(3, 6)}
 SAID = {"force": ("center-told", "N", 1e3), "moment": ("inertia-told", "N m", 100.0)}  # in mm, in percent
 SWUNG = 0.02  # of moments of inertia, and the mass in them: as well they are known by swings on wires
-# columns of `by_center`
-CENTER, SPRING, DASHPOT = slice(3), slice(3, 6), slice(6, 9)
-BLOW, AIR = ([9 + 6 * axis + kind + k for axis in range(3) for k in range(3)] for kind in (0, 3))
+CENTER, SPRING, DASHPOT = slice(3), slice(3, 6), slice(6, 9)  # columns of `by_center`
+WITH_MOMENT, WITH_AIR = [*range(9, 18)], [*range(18, 27)]  # columns of `by_center`
 SIZE, NONE = slice(17, 18), slice(0)  # columns that no motion tells: the last of `by_inertia`, or none
 
 
@@ -124,8 +123,8 @@ def by_center(time: Array, F: Array, state: tuple[Array, Array, Array, Array], m
     R, omega, moment, velocity = state
     speed = np.linalg.norm(velocity, axis=1)[:, None]
     each = [np.einsum("tba,tb->ta", R, one) for one in (moment, velocity * speed)]
-    about = np.stack([one / (length(one) or 1.0) for one in each], 1).reshape(len(R), 1, 1, 6)
-    forces = np.concatenate([R, (R[:, :, :, None] * about).reshape(len(R), 3, 18)], 2)
+    about = [(one / (length(one) or 1.0))[:, None, None] for one in each]
+    forces = np.concatenate([R, *((R[..., None] * one).reshape(len(R), 3, 9) for one in about)], 2)
     once = cumulative_trapezoid(forces, time, axis=0, initial=0) / mass
     twice = cumulative_trapezoid(once, time, axis=0, initial=0)
     damped = once[..., :3] / max(length(omega), 1 / float(np.ptp(time)))
@@ -171,7 +170,7 @@ def told_in(
     """
     size = found_of(state, load)
     if load == "force":
-        rivals, said = [(one, size) for one in (SPRING, DASHPOT, BLOW, AIR)], doubt.mass_center
+        rivals, said = [(one, size) for one in (SPRING, DASHPOT, WITH_MOMENT, WITH_AIR)], doubt.mass_center
         columns, unseen, std = CENTER, NONE, said or balanced(inertia)
     else:
         wheel = length(state.H) / np.sqrt(3) if inside else 0.0
