@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from evidence.calibration.record import drawn_record
 from evidence.drawn.records.hidden_bodies import SUBSTEPS, rotations_under
-from evidence.judged import judged_part
+from evidence.judged import judged_part, rms
 from forceid.config import load_settings
 from forceid.estimation.loads.hidden.body_told import BALANCED, by_inertia, parts
-from forceid.estimation.run import estimate_recording
+from forceid.estimation.run import estimate_recording, estimate_whole
 from forceid.records import Body, Motion, Recording
 
 RATE, FRAMES, NOISE, MARKERS = 200.0, 400, 3e-4, 8  # Hz, frames, m
@@ -155,3 +156,21 @@ def test_what_a_rigid_body_told_wrong_makes_is_its_inertia_times_its_spin():
     wrong = np.tensordot(amounts, parts(J), 1)
     np.testing.assert_allclose(H[5:-5], (R @ wrong @ spin)[5:-5], rtol=1e-4, atol=1e-4)
     np.testing.assert_allclose(parts(J)[-1] / parts(J)[-1][0, 0] * J[0, 0], J, rtol=1e-12)
+
+
+@pytest.mark.long
+def test_of_drawn_bodies_whose_center_is_told_wrong_the_force_errs_less_where_the_motion_shows_it():
+    ratios = []
+    for number in range(160):
+        drawn = drawn_record(5301, number, (100, 500))
+        if not drawn.drawn.told.startswith("wrong"):
+            continue
+        settings = load_settings(**drawn.settings)
+        shown = estimate_recording(drawn.recording, settings)
+        if not any(finding.code == "center-shown" for finding in shown.verdict.findings):
+            continue
+        told, truth = estimate_whole(drawn.recording, settings)[0], drawn.recording.truth["force"]
+        ratios.append(rms(shown.force - truth) / rms(told.force - truth))
+    assert len(ratios) >= 5
+    assert np.median(ratios) < 0.7
+    assert max(ratios) < 1.5
