@@ -45,16 +45,16 @@ SAID = {"force": ("center-told", "N", 1e3), "moment": ("inertia-told", "N m", 10
 SWUNG = 0.02  # of moments of inertia, and the mass in them: as well they are known by swings on wires
 CENTER, SPRING, DASHPOT = slice(3), slice(3, 6), slice(6, 9)  # columns of `by_center`
 WITH_MOMENT, WITH_AIR = [*range(9, 18)], [*range(18, 27)]  # columns of `by_center`
-SIZE, NONE = slice(17, 18), slice(0)  # columns that no motion tells: the last of `by_inertia`, or none
+OF_SIZE, NONE = slice(17, 18), slice(0)  # columns that no motion tells: the last of `by_inertia`, or none
 
 
 @dataclass(frozen=True)
-class Told:
+class Suspect:
     """What of a body may be told wrong, beside its rivals, in the channel of the load that it makes.
 
-    look: the channel beside all of these; columns: those of what may be wrong by std each before the record
-    is seen, `size`: those that no motion tells, of the same std; rivals: columns, and the std of their
-    amounts. stated: whether who told it said how well he knows it.
+    look: the channel beside all of these; columns: of what may be wrong by std each, before the record is
+    seen, `size`: of what no motion tells; rivals: columns, and the std of their amounts; stated: whether who
+    told it said how well he knows it.
     """
 
     look: Whitened
@@ -162,7 +162,7 @@ def told_in(
     doubt: BodyStdSetting,
     lever: float,
     inside: bool,
-) -> Told:
+) -> Suspect:
     """What of a body may be told wrong in the channel of a load.
 
     look: beside `by_center`, or `inner_wheel.signals` and `by_inertia` behind them; doubt: how well it is
@@ -175,12 +175,12 @@ def told_in(
     else:
         wheel = length(state.H) / np.sqrt(3) if inside else 0.0
         rivals = [(TURNING, size), *((columns, lever) for columns in LEVERS), (WHEEL, wheel)]
-        rivals, said = [*rivals, (SIZE, doubt.inertia or SWUNG)], doubt.inertia
-        columns, unseen, std = TOLD, SIZE, said or SWUNG
-    return Told(look, columns, unseen, std, tuple(one for one in rivals if one[1]), bool(said))
+        rivals, said = [*rivals, (OF_SIZE, doubt.inertia or SWUNG)], doubt.inertia
+        columns, unseen, std = TOLD, OF_SIZE, said or SWUNG
+    return Suspect(look, columns, unseen, std, tuple(one for one in rivals if one[1]), bool(said))
 
 
-def wrongs(told: Mapping[str, Told], state: FlightState, growth: Array) -> Iterator[Wrong]:
+def wrongs(told: Mapping[str, Suspect], state: FlightState, growth: Array) -> Iterator[Wrong]:
     """What may be told wrong and would matter, of each load; growth: of claims, without it."""
     for load, one in told.items():
         look, own, edge = one.look, OWN[load], len(one.look.loads) // 8
@@ -196,15 +196,15 @@ def wrongs(told: Mapping[str, Told], state: FlightState, growth: Array) -> Itera
         yield Wrong(load, gained, steady, amounts, off, claimed, axes)
 
 
-def beside_rivals(told: Told, size: float) -> tuple[float, bool, Array, Array]:
+def beside_rivals(told: Suspect, size: float) -> tuple[float, bool, Array, Array]:
     """Log-likelihood that a record gains by what is told wrong, its amounts (column,) and their covariance.
 
     And whether these are steady: parts of the record gain by them, but no more by amounts of their own. With
     it and without it each rival is as likely there as none; size: of the load found.
     """
     every = np.arange(told.look.also.shape[2])
-    wrong = every[told.columns], np.full(len(every[told.columns]), told.std)
-    rivals = [(every[own], np.full(len(every[own]), std)) for own, std in told.rivals]
+    of = [(told.columns, told.std), *told.rivals]
+    wrong, *rivals = [(every[own], np.full(len(every[own]), std)) for own, std in of]
     both = [(np.append(wrong[0], own), np.append(wrong[1], std)) for own, std in rivals]
     held = patterns_held(told.look, [wrong, *both, *rivals], size)
     with_it, without = held[: len(both) + 1], [0.0, *(one.gained for one in held[len(both) + 1 :])]
@@ -212,15 +212,15 @@ def beside_rivals(told: Told, size: float) -> tuple[float, bool, Array, Array]:
     total = np.logaddexp.reduce(each)
     weight, amounts = np.exp(each - total), np.array([one.amounts[own] for one in with_it])
     mean = weight @ amounts
-    apart = np.einsum("r,ri,rj->ij", weight, amounts - mean, amounts - mean)
-    cov = np.einsum("r,rij->ij", weight, [one.cov[own, own] for one in with_it]) + apart
+    spread = np.einsum("r,ri,rj->ij", weight, amounts - mean, amounts - mean)
+    cov = np.einsum("r,rij->ij", weight, [one.cov[own, own] for one in with_it]) + spread
     apart = held[0].apart
     steady = held[0].gained >= min(max(apart), MOST_GAINED) and CHANCE * np.exp(min(apart)) > 1
     return float(total - np.logaddexp.reduce(without)), steady, mean, cov
 
 
 def allow_for_told(
-    told: Mapping[str, Told], state: FlightState, growth: Array, believed: bool = True
+    told: Mapping[str, Suspect], state: FlightState, growth: Array, believed: bool = True
 ) -> Allowance:
     """What claims must allow for a body told wrong; findings where that matters.
 
@@ -228,14 +228,13 @@ def allow_for_told(
     one badly did the others, as far as that is open; who said how well he knows it has claimed that already.
     """
     each, said = list(wrongs(told, state, growth)), []
-    best = max((one.gained for one in each), default=0.0)
+    best = max((one.gained for one in each), default=0.0) if believed else np.inf
     shown = [one for one in each if one.load == "force" and one.steady and CHANCE * np.exp(one.gained) > 1]
-    badly = best > np.log(STRONG) or not believed
+    badly = best > np.log(STRONG)
     for one in each:
         if told[one.load].stated:
             continue
-        odds = np.exp(-(best if badly else one.gained))
-        ratio = (1.0 if not believed else 1 / (1 + odds)) * (one.off / one.claimed) ** 2
+        ratio = (one.off / one.claimed) ** 2 / (1 + np.exp(-(best if badly else one.gained)))
         further = np.tile(np.eye(6), (*one.axes.shape[:-2], 1, 1))
         further[..., OWN[one.load], OWN[one.load]] = one.axes * np.sqrt(1 + ratio) @ one.axes.mT
         growth = np.asarray(further @ growth)
