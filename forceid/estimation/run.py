@@ -95,7 +95,11 @@ def estimate_shown(recording: Recording, settings: Settings) -> Estimate:
     if solution is None or solution.center_off is None:
         return result
     told = solution.kinematics.inertia.center
-    return estimate_whole(*as_shown(recording, settings, told, solution.center_off))[0]
+    try:
+        shown, _ = estimate_whole(*as_shown(recording, settings, told, solution.center_off))
+    except EstimationError:  # what there is claims a center told wrong
+        return result
+    return result if shown.verdict.level == "refused" else shown
 
 
 def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, Solution | None]:

@@ -10,6 +10,8 @@ from evidence.calibration.record import drawn_record
 from evidence.drawn.records.hidden_bodies import SUBSTEPS, rotations_under
 from evidence.judged import judged_part, rms
 from forceid.config import load_settings
+from forceid.errors import EstimationError
+from forceid.estimation import run
 from forceid.estimation.loads.hidden.body_told import BALANCED, by_inertia, parts
 from forceid.estimation.run import estimate_recording, estimate_whole
 from forceid.records import Body, Motion, Recording
@@ -94,6 +96,21 @@ def test_a_mass_center_that_the_motion_shows_is_taken_there(stretch):
         less.append(np.linalg.norm(judged_part(found.force)) / np.linalg.norm(judged_part(made)))
     assert len(less) >= 6  # of slow spins chance shows as much
     assert np.median(less) < 0.1
+
+
+def test_an_estimate_is_not_lost_where_the_one_about_the_center_shown_fails(monkeypatch):
+    one, whole, tried = thrown(4, BALANCED * float(np.sqrt((EDGES**2).sum()))), estimate_whole, []
+
+    def failing(recording, settings):
+        tried.append(recording.body.center_off)
+        if tried[-1] is not None:
+            raise EstimationError("does not settle", "the recording", "record it again")
+        return whole(recording, settings)
+
+    monkeypatch.setattr(run, "estimate_whole", failing)
+    found = estimate_recording(one, load_settings(model="rigid"))
+    assert len(tried) == 2
+    assert "center-told" in {finding.code for finding in found.verdict.findings}
 
 
 def test_a_mass_center_that_is_measured_stays_where_it_was_measured():
