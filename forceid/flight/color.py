@@ -54,7 +54,8 @@ class Color:
         The first as it is mostly: of markers on one face it changes as they turn.
         """
         if self.size is None:
-            return self.share * np.nanmedian(var, axis=0), (1 - self.share) * var
+            median = np.median if np.isfinite(var).all() else np.nanmedian  # which is slow
+            return self.share * median(var, axis=0), (1 - self.share) * var
         held = np.minimum(
             self.size**2, WHOLE * np.nanmin(var, axis=0)
         )  # of errors that a search makes smaller

@@ -41,6 +41,8 @@ class StateSpace:
 
     def reordered(self, order: Indices) -> StateSpace:
         """The same, its states in another order (state,); of one model."""
+        if (order[1:] > order[:-1]).all():
+            return self
         F, Q, P0 = (a[..., order[:, None], order] for a in (self.F, self.Q, self.P0))
         u = None if self.u is None else self.u[..., order]
         return StateSpace(F, Q, self.H[..., order], self.R, self.x0[order], P0, u)

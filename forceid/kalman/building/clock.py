@@ -76,10 +76,12 @@ def each_kind_once(A: Array, Qc: Array, step: Array) -> tuple[Array, Array]:
     lead, n = A.shape[:-2], A.shape[-1]
     power = np.abs(Qc).max((-2, -1), keepdims=True, initial=0.0)
     unit = Qc / np.where(power > 0, power, 1.0)
-    both = np.concatenate([A, unit], -2).reshape(-1, 2 * n * n)
-    _, first, kind = np.unique(both, axis=0, return_index=True, return_inverse=True)
+    both = np.concatenate([A, unit], -2).reshape(-1, 2 * n * n) + 0.0  # of one zero, without its sign
+    place: dict[bytes, int] = {}
+    kind = [place.setdefault(row.tobytes(), len(place)) for row in both]
+    first = np.unique(kind, return_index=True)[1]
     found = over_a_clock(A.reshape(-1, n, n)[first], unit.reshape(-1, n, n)[first], step)
-    F, Q = (a[:, kind.ravel()].reshape(-1, *lead, n, n) for a in found)
+    F, Q = (a[:, kind].reshape(-1, *lead, n, n) for a in found)
     return F, Q * power
 
 

@@ -34,7 +34,7 @@ FINER = 1.5  # from one to the next of both, within which a second look is taken
 TWICE_AS_NOISY = 1.25**2 - 1  # `sphericity` of markers of which a fifth are; of any other share, less
 SPECTRAL = 16  # samples in a row from which a spectrum can be told
 FREEDOMS = np.geomspace(1.0, 64.0, 13)  # of Student's t that are tried: beyond, it is as good as normal
-SCALE_ROUNDS = 100  # of the fixed point of the scale at most: it gains a digit in some ten
+SCALE_ROUNDS = 100  # of the scale by Newton at most: where most squares are small, it doubles in each
 
 
 @dataclass(frozen=True)
@@ -218,21 +218,21 @@ def loudness(y: Array) -> Array | None:
     square, d = (y[whole] ** 2).sum(1), y.shape[1]
     if not len(square) or not square.all():
         return None
-    mean = float(square.mean()) / d
-    best = -0.5 * d * len(square) * (np.log(2 * np.pi * mean) + 1) + PATIENCE
-    found = None
-    for nu in FREEDOMS:
-        scale = mean
-        for _ in range(SCALE_ROUNDS):
-            before, scale = scale, float(((nu + d) / (nu + square / scale) * square).mean()) / d
-            if abs(scale - before) < SINGLE * scale:
-                break
-        each = -0.5 * (nu + d) * np.log1p(square / (nu * scale)) - 0.5 * d * np.log(np.pi * nu * scale)
-        value = float(each.sum()) + len(square) * float(gammaln(0.5 * (nu + d)) - gammaln(0.5 * nu))
-        if value > best:
-            best, found = value, (scale * nu + square) / (nu + d - 2)
-    if found is None:
+    mean, nu = float(square.mean()) / d, FREEDOMS
+    each = np.full(len(nu), 1 / mean)  # scale of the squares under each: Newton's steps come from below
+    for _ in range(SCALE_ROUNDS):
+        part = square * each[:, None] / (nu[:, None] + square * each[:, None])
+        step = (d / (nu + d) - part.mean(1)) / (part * (1 - part)).mean(1)
+        each *= 1 + step
+        if not step.max() > SINGLE:
+            break
+    logs = np.log1p(square * (each / nu)[:, None]).sum(1)
+    one = gammaln(0.5 * (nu + d)) - gammaln(0.5 * nu) - 0.5 * d * np.log(np.pi * nu / each)
+    value = len(square) * one - 0.5 * (nu + d) * logs
+    if not value.max() > PATIENCE - 0.5 * d * len(square) * (np.log(2 * np.pi * mean) + 1):
         return None
+    at = int(value.argmax())
+    found = (nu[at] / each[at] + square) / (nu[at] + d - 2)
     out = np.full(len(y), found.mean())
     out[whole] = found
     return out
