@@ -16,7 +16,7 @@ from forceid.records import Array, Indices
 from forceid.significance import OUTLIER, TENTH
 
 MOST_GAINED = 500.0  # log-likelihood beyond which odds are certain, and their numbers too large to hold
-PIECES = (2, 4)  # of a record, in which a pattern that is none will differ
+QUARTERS = 4  # of a record, in which a pattern that is none will differ
 SIZES = 10  # of a load, each half of the last: to a thousandth
 
 
@@ -34,52 +34,61 @@ class Held:
 
 
 def patterns_held(
-    look: Whitened, patterns: Sequence[tuple[Indices | slice, float | Array]], size: float
+    look: Whitened, patterns: Sequence[tuple[Indices | slice | list[int], float | Array]], size: float
 ) -> list[Held]:
     """How far a record holds patterns: each some columns of what a channel may show, and the std of amounts.
 
     With and without one the load may be of any size up to the one found, and its mean as well, which is of
     this size: each half of the last, as long as the record is likelier with any pattern.
     """
-    none: list[float] = []
-    each: list[list[tuple[float, Array, Array, Array]]] = [[] for _ in patterns]
+    every, none = np.arange(look.also.shape[2]), list[float]()
+    own = [(every[columns], std * np.ones(len(every[columns]))) for columns, std in patterns]
+    each: list[list[tuple[Array, Array, Array]]] = [[] for _ in patterns]
     for mean_too in (False, True):
         highest = np.full(len(patterns), -np.inf)
         for share in 0.5 ** np.arange(mean_too, SIZES):
             one = look.filtered(look.prior.scaled(share, size * share**mean_too))
-            v = np.nan_to_num(one.innovation)
-            at = np.arange(len(v))
-            own, signals = np.clip(v[:, 0], -OUTLIER, OUTLIER), np.moveaxis(v[:, 1:], 1, 2)
+            products = products_of(np.nan_to_num(one.innovation))
             none.append(float(one.log_likelihood[0]))
-            for found, (columns, std) in zip(each, patterns, strict=True):
-                amount, cov, more = amounts(signals[:, :, columns], own, std)
-                apart = [
-                    sum(amounts(signals[k][..., columns], own[k], std)[2] for k in np.array_split(at, pieces))
-                    for pieces in PIECES
-                ]
-                found.append((none[-1] + more, amount, cov, none[-1] + np.array(apart, float)))
-            level = np.array([found[-1][0] for found in each])
+            for found, (columns, std) in zip(each, own, strict=True):
+                amount, cov, more = amounts(products, columns, std)
+                found.append((none[-1] + more, amount, cov))
+            level = np.array([found[-1][0][0] for found in each])
             if not (level > highest + TENTH).any():
                 break
             highest = np.maximum(level, highest)
-    without = np.logaddexp.reduce(none)
-    held = []
+    without, held = np.logaddexp.reduce(none), []
     for found in each:
-        _, amount, cov, _ = max(found, key=lambda one: one[0])
-        gained = float(np.logaddexp.reduce([one[0] for one in found]) - without)
-        in_parts = np.logaddexp.reduce([one[3] for one in found]) - without
-        held.append(Held(min(gained, MOST_GAINED), tuple(in_parts.tolist()), amount, cov))
+        _, amount, cov = max(found, key=lambda one: one[0][0])
+        gained, *apart = (np.logaddexp.reduce([one[0] for one in found]) - without).tolist()
+        held.append(Held(min(gained, MOST_GAINED), tuple(apart), amount, cov))
     return held
 
 
-def amounts(signals: Array, innovation: Array, std: float | Array) -> tuple[Array, Array, float]:
-    """How much of each signal (time, 3, column) innovations (time, 3) hold: (column,), and its covariance.
+def products_of(innovation: Array) -> Array:
+    """Products (1 + 2 + 4, column, column) of whitened innovations (time, column, 3), the first the record's.
 
-    std: of the amounts, before the record is seen. And the log-likelihood that it gains by them.
+    Of a whole record, of its halves and of its quarters.
     """
-    A = signals.reshape(-1, signals.shape[2]) * std  # amounts of one beforehand
-    told = A.T @ A + np.eye(len(A.T))
-    cov = np.linalg.inv(told) * (std * np.ones(len(told)))[:, None] * std
-    seen = A.T @ innovation.ravel()
-    gained = 0.5 * float(seen @ np.linalg.solve(told, seen) - np.linalg.slogdet(told)[1])
-    return cov @ (seen / std), cov, gained
+    own = np.clip(innovation[:, :1], -OUTLIER, OUTLIER)
+    rows = np.concatenate([own, innovation[:, 1:]], 1).swapaxes(0, 1)
+    quarters = np.stack(
+        [(a := part.reshape(len(part), -1)) @ a.T for part in np.array_split(rows, QUARTERS, 1)]
+    )
+    halves = quarters.reshape(2, -1, *quarters.shape[1:]).sum(1)
+    return np.concatenate([quarters.sum(0, keepdims=True), halves, quarters])
+
+
+def amounts(products: Array, columns: Indices, std: Array) -> tuple[Array, Array, Array]:
+    """How much of some signals (column,) innovations hold: (column,), its covariance, and what they gain.
+
+    products: as of `products_of`; std (column,): of the amounts, before the record is seen. Gained (3,): the
+    log-likelihood by these amounts, and by ones of their own in each half, and in each quarter.
+    """
+    at = 1 + columns
+    told = std[:, None] * products[:, at[:, None], at] * std + np.eye(len(std))  # amounts of one beforehand
+    seen = products[:, at, 0] * std
+    likely = np.linalg.solve(told, seen[..., None])[..., 0]
+    gained = 0.5 * ((seen * likely).sum(1) - np.linalg.slogdet(told)[1])
+    cov = std[:, None] * np.linalg.inv(told[0]) * std
+    return std * likely[0], cov, np.add.reduceat(gained, [0, 1, 3])
