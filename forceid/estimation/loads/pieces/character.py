@@ -13,17 +13,20 @@ from dataclasses import replace
 import numpy as np
 
 from forceid.estimation.loads.pieces.evidence import Evidence, best_of, longest, moved
+from forceid.estimation.loads.pieces.stretches import strong_by_turns, uneven
 from forceid.flight.channels import CHANNEL_SAMPLES, Channel
 from forceid.flight.pieces import WHOLE, Pieces
 from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import KERNEL, LOAD, LoadPrior, channel_model
+from forceid.flight.tuning import LEAK
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import Filtered
 from forceid.records import Array
 from forceid.rounding import ITERATIONS
-from forceid.significance import PATIENCE
+from forceid.significance import NUMBER, PATIENCE
 
 COARSE_SIZES = np.exp([1.5, 3.0])  # of a load between edges over that around them, at first: to a decade
+WEAKER = 1 / np.append(COARSE_SIZES, COARSE_SIZES[-1] ** 2)  # of one that is weak by turns
 TRIED = 8  # parts of a stretch and half of it to either side, between which an edge is tried at first
 ENOUGH_FOR_TWO = 16  # samples, below which no two characters show
 
@@ -54,7 +57,7 @@ def with_character(
             found = replace(found, size=found.size / size)
             near = tune(pieces=found, near=near.with_kernel(near.kernel.scaled(size)))
             found = moved(replace(evidence, prior=near), found)
-        if not near.tuned.log_likelihood - evidence.cost(found) > level:
+        if not len(found.edges) or not near.tuned.log_likelihood - evidence.cost(found) > level:
             break
         found = replace(found, size=found.size / found.size[longest(time, found)])
         other = tune(pieces=found)
@@ -67,9 +70,15 @@ def with_character(
 
 
 def added(evidence: Evidence, pieces: Pieces) -> Pieces | None:
-    """The pieces with an edge or two more, where the prior drives a load hardest or is surprised most."""
+    """The pieces with an edge or two more, where the prior drives a load hardest or is surprised most.
+
+    Or, where there are none yet, all of a load that is strong and weak by turns: each pair of its edges by
+    itself leaves both in one piece.
+    """
     time, tried = evidence.channel.time, []
-    for first, last in suspected(evidence):
+    model = channel_model(evidence.channel, evidence.prior)
+    f, x = evidence.engine.filter_and_smooth_states(model, evidence.channel.moved)
+    for first, last in suspected(evidence, f, x):
         reach = (last - first) // 2
         at = np.unique(np.linspace(first - reach, last + reach, TRIED + 1).astype(int))
         at = at[(at > 0) & (at < len(time) - 1)]
@@ -77,6 +86,8 @@ def added(evidence: Evidence, pieces: Pieces) -> Pieces | None:
         tried += [time[[one, other]] for i, one in enumerate(at) for other in at[i + 1 :]]
     wider = [(pieces.cut(edges), edges) for edges in tried]
     groups = [sized_anew(more, edges) for more, edges in wider if len(more.edges) > len(pieces.edges)]
+    if not len(pieces.edges):
+        groups += by_turns(evidence, x)
     found = [best_of(evidence, *groups)] if groups else []
     if len(evidence.given) and len((more := pieces.cut(evidence.given)).edges) > len(pieces.edges):
         found.append(as_large_as_likely(evidence, more, evidence.given))
@@ -84,19 +95,34 @@ def added(evidence: Evidence, pieces: Pieces) -> Pieces | None:
     return best if likely > evidence.of(pieces) else None
 
 
-def suspected(evidence: Evidence) -> list[tuple[int, int]]:
+def by_turns(evidence: Evidence, x: Array) -> list[list[Pieces]]:
+    """Pieces of a load that is strong and weak by turns, as of contacts, the weak ones so by some factors.
+
+    By the load along each axis that has one, of states x (time, state).
+    """
+    time, std, found = evidence.channel.time, evidence.prior.kernel.std, []
+    for axis in np.flatnonzero(std > LEAK * std.max()):
+        strong = strong_by_turns(x[:, KERNEL + axis], evidence.place + NUMBER)
+        turns = np.flatnonzero(np.diff(strong))
+        edges, apart = 0.5 * (time[turns] + time[turns + 1]), strong[np.append(turns, -1)][:, None]
+        sizes = [np.where(apart, 1.0, factor) * np.ones(3) for factor in (1.0, *WEAKER)]
+        found.append([Pieces(edges, size, np.ones(len(size))) for size in sizes])
+    return found
+
+
+def suspected(evidence: Evidence, f: Filtered, x: Array) -> list[tuple[int, int]]:
     """First and last step of stretches that drive a load the hardest, and about where drawing it anew gains.
 
-    As much as the place of an edge costs.
+    As much as the place of an edge costs. f, x (time, state): the channel filtered, and smoothed.
     """
     ch, prior = evidence.channel, evidence.prior
-    model = channel_model(ch, prior)
-    f, x = evidence.engine.filter_and_smooth_states(model, ch.moved)
     gain = drawn_anew(f, prior.vectors)
     gain[[0, -1]] = 0.0
     at = int(gain.argmax())
     surprising = [(max(at - TRIED // 2, 0), at + TRIED // 2)] if gain[at] > evidence.place else []
-    return uneven(driving(ch.time, prior, x[:, : prior.states])) + surprising
+    pieces = prior.tuned.pieces or WHOLE
+    cuts = (np.searchsorted(ch.time, pieces.edges) - 1).tolist()
+    return uneven(driving(ch.time, prior, x[:, : prior.states]), cuts) + surprising
 
 
 def drawn_anew(f: Filtered, vectors: int) -> Array:
@@ -160,39 +186,3 @@ def driving(time: Array, prior: LoadPrior, x: Array) -> Array:
     F, Q, _ = prior.chain(np.diff(time), None, time[0])
     w = x[1:, last] - np.einsum("tij,tj->ti", F[:, last], x[:-1])
     return np.asarray(w / np.sqrt(np.diagonal(Q[:, last, last], axis1=1, axis2=2)))
-
-
-def uneven(w: Array) -> list[tuple[int, int]]:
-    """First and last step of the stretch that drives each axis of w (step, axis) the hardest, if one does.
-
-    By the ratio of likelihoods of one size and two, over stretches of half the record and less; steps that
-    know of each other count as one.
-    """
-    found, steps = [], len(w)
-    for one in w.T:
-        if not one.any():
-            continue
-        follows = np.fft.irfft(np.abs(np.fft.rfft(one, 2 * steps)) ** 2)[:steps]
-        each = 1 / (2 * float(((follows / follows[0]) ** 2).sum()) - 1)  # numbers a step
-        energy = one**2 / np.mean(one**2)
-        total, best, length = np.concatenate([[0.0], np.cumsum(energy)]), (PATIENCE, 0, 0), steps // 2
-        while length >= 2:
-            first = np.arange(0, steps - length + 1, max(length // 2, 1))
-            inside = total[first + length] - total[first]
-            gain = unlikely(each * inside, each * length)
-            gain += unlikely(each * (total[-1] - inside), each * (steps - length))
-            if gain.max() > best[0]:
-                at = int(first[gain.argmax()])
-                best = (float(gain.max()), at, at + length)
-            length //= 2
-        if best[2]:
-            found.append(best[1:])
-    return found
-
-
-def unlikely(energy: Array, numbers: float) -> Array:
-    """Log-likelihood that a stretch gains which has a size of its own, by the energy of so many numbers.
-
-    One more of energy one: no stretch is known to be still.
-    """
-    return np.asarray(-0.5 * (numbers + 1) * np.log((energy + 1) / (numbers + 1)))

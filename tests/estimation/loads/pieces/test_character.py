@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from itertools import cycle
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ ENGINE = engine()
 
 
 def drawn(seed, edges=(), size=0.0):
-    """A channel of unit mass under slow waves and a box of force along one axis, its load, and the box."""
+    """A channel of unit mass under slow waves and boxes of force along one axis, its load, and their axis."""
     rng = np.random.default_rng(seed)
     t = TIME[:, None, None]
     w, phase = 2 * np.pi * rng.uniform(0.3, 2.0, (3, 3)), rng.uniform(0, 2 * np.pi, (3, 3))
@@ -31,7 +32,7 @@ def drawn(seed, edges=(), size=0.0):
     path = (-amplitude / w**2 * np.sin(w * t + phase)).sum(1)
     direction = rng.normal(size=3)
     direction /= np.linalg.norm(direction)
-    for edge, sign in zip(edges, (1, -1), strict=False):
+    for edge, sign in zip(edges, cycle((1, -1)), strict=False):
         late = np.maximum(TIME - edge, 0.0)[:, None]
         load = load + sign * size * direction * (late > 0)
         path = path + 0.5 * sign * size * direction * late**2
@@ -68,6 +69,12 @@ def test_a_step_is_found_within_a_sample_and_the_load_beside_it_is_as_well_known
 def test_both_ends_of_a_contact_are_found_within_a_sample():
     edges = (0.5221, 0.5837)
     prior = searched(drawn(4, edges, 40.0)[0])
+    assert prior.tuned.pieces.edges == pytest.approx(edges, abs=STEP)
+
+
+def test_both_ends_of_each_of_several_contacts_are_found():
+    edges = (0.2413, 0.2729, 0.6112, 0.6391, 1.1209, 1.1518)
+    prior = searched(drawn(4, edges, 100.0)[0])
     assert prior.tuned.pieces.edges == pytest.approx(edges, abs=STEP)
 
 
