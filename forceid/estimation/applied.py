@@ -67,7 +67,7 @@ def applied_loads(
     if not settings.load:
         return None, ()
     columns = [column(load, body, inertia.center, state, shape) for load in settings.load]
-    gyration = float(np.sqrt(np.trace(inertia.tensor) / (2 * inertia.mass))) or 1.0  # a particle has none
+    gyration = inertia.gyration or 1.0  # a particle has none
     names = tuple(load.name for load in settings.load)
     G = np.stack(columns, -1)
     cov, forces = state.wrench_cov, [nodal_forces(load, body, state) for load in settings.load]

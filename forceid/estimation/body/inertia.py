@@ -47,6 +47,12 @@ class Inertia:
         """Whether all mass lies on a line, to rounding."""
         return self.line is not None and self.beside is None
 
+    @property
+    def gyration(self) -> float:
+        """Root mean square distance of the mass from its center, m; NaN where no inertia is told."""
+        # of mass on a point rounding may leave less than nothing
+        return float(np.sqrt(np.maximum(0.5 * np.trace(self.tensor), 0.0) / self.mass))
+
 
 def inertia_of(body: Body) -> Inertia:
     """Mass, center and inertia tensor of a body, however the file describes it."""

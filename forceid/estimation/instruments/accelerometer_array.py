@@ -141,8 +141,8 @@ def sites_of(body: Body, inertia: Inertia, count: int, settings: Settings) -> Si
         gauge = np.ones(len(X)) if inertia.nodal is None else inertia.nodal
         own = split_rigid(body.mode_shape, X, gauge)[1]
         shape = mounted(X, own, body.sensor_position - inertia.center)[0].swapaxes(0, 1)
-    gyration = float(np.sqrt(np.trace(inertia.tensor) / (2 * inertia.mass)))
-    return Sites(body.sensor_position - inertia.center, rotation, shape[: settings.modes], gyration or 1.0)
+    places = body.sensor_position - inertia.center
+    return Sites(places, rotation, shape[: settings.modes], inertia.gyration or 1.0)
 
 
 def determined(y: Array, sites: Sites) -> bool:

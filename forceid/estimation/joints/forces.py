@@ -83,8 +83,9 @@ def joint_forces(recording: Recording, settings: Settings, solve: SolveRecording
     force, moment, covs = at_joints(linkage, g[:, :count], C)
     for a in (force, moment, covs):
         a[:, ~determined] = np.nan
-    lost = ~np.isfinite(covs).all((2, 3))
-    force[lost], moment[lost] = np.nan, np.nan  # no number without what it is worth
+    # no number without what it is worth, which rounding may swamp
+    lost = ~np.isfinite(covs).all((2, 3)) | (np.diagonal(covs, axis1=2, axis2=3) < 0).any(2)
+    force[lost], moment[lost], covs[lost] = np.nan, np.nan, np.nan
     result = replace(
         empty_interface(joints, parts, linkage.point, linkage.gap, determined, judge([])),
         force=force, moment=moment, wrench_cov=covs, null_space=null[:count],

@@ -156,8 +156,9 @@ def allow_for_priors(problem: Problem) -> Problem:
     rivals = {name: look for name, look in looks.items() if (one := known[name]) is None or not one.whole}
     problem = replace(problem, rivals=Rivals(rivals, state))
     growth = Rivals(rivals, state).growth()
-    arm = float(np.sqrt(0.5 * np.trace(kin.inertia.tensor) / kin.inertia.mass))
-    levers = arm if problem.motion.gravity.any() else 0.0  # of a force; what flies without weight has none
+    levers = (
+        kin.inertia.gyration if problem.motion.gravity.any() else 0.0
+    )  # of a force; what flies without weight has none
     doubt, believed = problem.settings.body_std, problem.body.center_off is None
     wrong = {
         name: body_told.told_in(name, looks[name], state, kin.inertia, doubt, levers, inside) for name in told

@@ -98,7 +98,7 @@ class Allowance(NamedTuple):
 
 def balanced(inertia: Inertia) -> float:
     """How far off, m, the mass center of a body may well be told: of the length of a rod of its gyration."""
-    return BALANCED * float(np.sqrt(12 * 0.5 * np.trace(inertia.tensor) / inertia.mass))
+    return BALANCED * float(np.sqrt(12)) * inertia.gyration
 
 
 def deforming_map(kin: Kinematics, amplitude: Array) -> Array:

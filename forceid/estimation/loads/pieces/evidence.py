@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -117,16 +117,23 @@ def best_of(evidence: Evidence, *groups: Sequence[Pieces]) -> tuple[float, Piece
 def moved(evidence: Evidence, pieces: Pieces) -> Pieces:
     """Pieces after edges have moved and gone, and sizes changed, as long as that is likelier.
 
-    Edges move by less and less, down to a part of a step. What is tried of all pieces is looked at at once.
+    Edges move by less and less, down to a part of a step.
     """
     time = evidence.channel.time
     step, value = float(np.median(np.diff(time))), evidence.of(pieces)
     reach = FIRST_REACH * step
     for _ in range(ITERATIONS):
         before = value
-        value, pieces = resized(evidence, value, pieces)
+        for k in range(len(pieces.size)):
+            at = np.arange(len(pieces.size))[:, None] == k
+            sizes = [replace(pieces, size=np.where(at, f * pieces.size, pieces.size)) for f in PIECE_SIZES]
+            value, pieces = max((value, pieces), best_of(evidence, [pieces, *sizes]), key=lambda one: one[0])
         for tries in (hastened, fewer, shifted):
-            value, pieces = bettered(evidence, value, pieces, partial(tries, time, reach))
+            for k in range(len(pieces.size)):
+                if k < len(pieces.edges) + (tries is hastened) and (tried := tries(time, reach, pieces, k)):
+                    likely = evidence.by_axis(tried).sum(1)
+                    if likely.max() > value:
+                        value, pieces = float(likely.max()), tried[int(likely.argmax())]
         if not value > before + NUMBER:
             if reach < step / LAST_REACH or not len(pieces.edges):
                 break
@@ -134,55 +141,16 @@ def moved(evidence: Evidence, pieces: Pieces) -> Pieces:
     return pieces
 
 
-def resized(evidence: Evidence, value: float, pieces: Pieces) -> tuple[float, Pieces]:
-    """How likely pieces of other sizes are, of all that gain a number or the best, by axis; and these."""
-    count, factors = len(pieces.size), np.append(1.0, PIECE_SIZES)
-    own = np.eye(count)[:, :, None]
-    tried = [
-        replace(pieces, size=np.where(one, f * pieces.size, pieces.size)) for one in own for f in factors
-    ]
-    gain = evidence.by_axis(tried).reshape(count, len(factors), -1)
-    gain = gain[:, 1:] - gain[:, :1] - NUMBER
-    best = np.where(gain.max(1) > 0, factors[1 + gain.argmax(1)], 1.0)  # piece, axis
-    alone = np.where(np.arange(count)[:, None] == gain.max(1).argmax(0), best, 1.0)
-    both = [replace(pieces, size=one * pieces.size) for one in (best, alone)]
-    each = evidence.by_axis(both)
-    size = np.where(each[0] > each[1], both[0].size, both[1].size)
-    likely = float(each.max(0).sum())
-    return (likely, replace(pieces, size=size)) if likely > value else (value, pieces)
-
-
-def bettered(
-    evidence: Evidence, value: float, pieces: Pieces, tries: partial[list[Pieces]]
-) -> tuple[float, Pieces]:
-    """How likely pieces are after what is likelier of each is changed, in all at once or the best; and these.
-
-    tries: what is tried of a piece, or of the edge behind it.
-    """
-    each = [tries(pieces, k) for k in range(len(pieces.edges) + (tries.func is hastened))]
-    flat = [one for tried in each for one in tried]
-    if not flat:
-        return value, pieces
-    likely = evidence.by_axis(flat).sum(1)
-    best, edges, haste, first = flat[int(likely.argmax())], pieces.edges.copy(), pieces.haste.copy(), 0
-    for k, tried in enumerate(each):
-        own, first = likely[first : first + len(tried)], first + len(tried)
-        if len(own) and own.max() > value and len(tried[0].edges) == len(edges):
-            one = tried[int(own.argmax())]
-            edges[k : k + 1], haste[k] = one.edges[k : k + 1], one.haste[k]
-    found = max((value, pieces), (float(likely.max()), best), key=lambda one: one[0])
-    if len(best.edges) == len(edges) and (np.diff(edges) > 0).all():
-        both = replace(pieces, edges=edges, haste=haste)
-        found = max(found, (evidence.of(both), both), key=lambda one: one[0])
-    return found
-
-
 def settled(evidence: Evidence, pieces: Pieces) -> Pieces:
     """The pieces with their edges where they are likeliest, as many and as large as they are."""
     time = evidence.channel.time
-    step, value = float(np.median(np.diff(time))), evidence.of(pieces)
-    for reach in np.repeat([step, step / 4, step / 16], 2):
-        value, pieces = bettered(evidence, value, pieces, partial(shifted, time, float(reach)))
+    step, value = float(np.median(np.diff(time))), float(evidence.likelihood([pieces]).sum())
+    for reach in (step, step / 4, step / 16):
+        for k in np.tile(np.arange(len(pieces.edges)), 2):
+            if tried := shifted(time, reach, pieces, k):
+                likely = evidence.likelihood(tried).sum(1)
+                if likely.max() > value:
+                    value, pieces = float(likely.max()), tried[int(likely.argmax())]
     return pieces
 
 
