@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.signal import butter, lfilter, sosfiltfilt
+from scipy.stats import multivariate_t
 
 from forceid.config import load_settings
-from forceid.estimation.body.tracks.marker_errors import marker_errors, sphericity
+from forceid.estimation.body.tracks.marker_errors import FREEDOMS, loudness, marker_errors, sphericity
 from forceid.estimation.run import estimate_recording
 from forceid.flight.color import Color, LowPassed
 from forceid.records import Body, Motion, Recording
@@ -221,3 +223,19 @@ def test_a_deformation_that_ends_at_a_frequency_is_no_filter():
         strains = sosfiltfilt(butter(4, 9.0, fs=500.0, output="sos"), rng.standard_normal((800, 6)), axis=0)
         y = strains[100:-100] @ rng.standard_normal((6, 18)) + 1e-3 * rng.standard_normal((600, 18))
         assert not marker_errors(0.002 * np.arange(600), y).alike
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_frames_are_as_loud_as_under_the_likeliest_t_distribution(seed):
+    rng = np.random.default_rng([11, seed])
+    y = rng.standard_normal((200, 9)) * np.exp(rng.uniform(0.5, 3.0) * rng.standard_normal((200, 1)))
+    square, d, each = (y**2).sum(1), y.shape[1], []
+    for nu in FREEDOMS:
+
+        def slope(log_scale, nu=nu):
+            return (nu + d) / d * np.mean(square / (nu * np.exp(log_scale) + square)) - 1
+
+        scale = np.exp(brentq(slope, -80, 80, xtol=1e-13))
+        likely = multivariate_t(np.zeros(d), scale * np.eye(d), df=nu).logpdf(y).sum()
+        each.append((likely, (nu * scale + square) / (nu + d - 2)))
+    np.testing.assert_allclose(loudness(y), max(each, key=lambda one: one[0])[1], rtol=1e-9)

@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings
+from forceid.estimation.body.inertia import Inertia
 from forceid.estimation.inspection import inspect_recording
 from forceid.records import Body, Motion, Recording
 
@@ -208,3 +209,7 @@ def sensed(recording, spin=3.0):
     start = Rotation.from_matrix(turn.as_matrix()[0]).inv()
     truth = {k: start.apply(v[:60]) for k, v in recording.truth.items()}
     return replace(recording, body=body, motion=motion, truth=truth)
+
+
+def test_mass_on_a_point_has_no_gyration_whatever_rounding_leaves_of_it():
+    assert Inertia(2.0, np.zeros(3), -1e-18 * np.eye(3), None, np.zeros(1)).gyration == 0.0
