@@ -48,7 +48,7 @@ def patterns_held(
         highest = np.full(len(patterns), -np.inf)
         for share in 0.5 ** np.arange(mean_too, SIZES):
             one = look.filtered(look.prior.scaled(share, size * share**mean_too))
-            products = products_of(np.nan_to_num(one.innovation))
+            products = products_in_parts(np.nan_to_num(one.innovation))
             none.append(float(one.log_likelihood[0]))
             for found, (columns, std) in zip(each, own, strict=True):
                 amount, cov, more = amounts(products, columns, std)
@@ -65,7 +65,7 @@ def patterns_held(
     return held
 
 
-def products_of(innovation: Array) -> Array:
+def products_in_parts(innovation: Array) -> Array:
     """Products (1 + 2 + 4, column, column) of whitened innovations (time, column, 3), the first the record's.
 
     Of a whole record, of its halves and of its quarters.
@@ -82,7 +82,7 @@ def products_of(innovation: Array) -> Array:
 def amounts(products: Array, columns: Indices, std: Array) -> tuple[Array, Array, Array]:
     """How much of some signals (column,) innovations hold: (column,), its covariance, and what they gain.
 
-    products: as of `products_of`; std (column,): of the amounts, before the record is seen. Gained (3,): the
+    products: as of `products_in_parts`; std (column,): of the amounts, before the record is seen. Gained (3,): the
     log-likelihood by these amounts, and by ones of their own in each half, and in each quarter.
     """
     at = 1 + columns
