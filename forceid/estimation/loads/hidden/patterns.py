@@ -82,7 +82,7 @@ def products_in_parts(innovation: Array) -> Array:
 def amounts(products: Array, columns: Indices, std: Array) -> tuple[Array, Array, Array]:
     """How much of some signals (column,) innovations hold: (column,), its covariance, and what they gain.
 
-    products: as of `products_in_parts`; std (column,): of the amounts, before the record is seen. Gained (3,): the
+    products: of parts of a record; std (column,): of the amounts, before the record is seen. Gained (3,): the
     log-likelihood by these amounts, and by ones of their own in each half, and in each quarter.
     """
     at = 1 + columns
