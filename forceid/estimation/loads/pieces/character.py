@@ -27,6 +27,7 @@ from forceid.significance import NUMBER, PATIENCE
 
 COARSE_SIZES = np.exp([1.5, 3.0])  # of a load between edges over that around them, at first: to a decade
 WEAKER = 1 / np.append(COARSE_SIZES, COARSE_SIZES[-1] ** 2)  # of one that is weak by turns
+MOST_TURNS = 12  # edges that are tried at once: their search takes seconds, and grows by their square
 TRIED = 8  # parts of a stretch and half of it to either side, between which an edge is tried at first
 ENOUGH_FOR_TWO = 16  # samples, below which no two characters show
 
@@ -57,7 +58,7 @@ def with_character(
             found = replace(found, size=found.size / size)
             near = tune(pieces=found, near=near.with_kernel(near.kernel.scaled(size)))
             found = moved(replace(evidence, prior=near), found)
-        if not len(found.edges) or not near.tuned.log_likelihood - evidence.cost(found) > level:
+        if not near.tuned.log_likelihood - evidence.cost(found) > level:
             break
         found = replace(found, size=found.size / found.size[longest(time, found)])
         other = tune(pieces=found)
@@ -100,10 +101,15 @@ def by_turns(evidence: Evidence, x: Array) -> list[list[Pieces]]:
 
     By the load along each axis that has one, of states x (time, state).
     """
-    time, std, found = evidence.channel.time, evidence.prior.kernel.std, []
-    for axis in np.flatnonzero(std > LEAK * std.max()):
-        strong = strong_by_turns(x[:, KERNEL + axis], evidence.place + NUMBER)
+    time, kernel, found = evidence.channel.time, evidence.prior.kernel, []
+    each = np.tanh(
+        np.asarray(kernel.rate) * np.median(np.diff(time))
+    )  # numbers a step, of one that forgets so
+    for axis in np.flatnonzero(kernel.std > LEAK * kernel.std.max()):
+        strong = strong_by_turns(x[:, KERNEL + axis], float(each[axis]), evidence.place + NUMBER)
         turns = np.flatnonzero(np.diff(strong))
+        if not 0 < len(turns) <= MOST_TURNS:
+            continue
         edges, apart = 0.5 * (time[turns] + time[turns + 1]), strong[np.append(turns, -1)][:, None]
         sizes = [np.where(apart, 1.0, factor) * np.ones(3) for factor in (1.0, *WEAKER)]
         found.append([Pieces(edges, size, np.ones(len(size))) for size in sizes])

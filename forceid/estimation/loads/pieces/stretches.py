@@ -38,7 +38,8 @@ def stretch_of_its_own(w: Array) -> tuple[float, int, int]:
     best, steps = (0.0, 0, 0), len(w)
     if steps < 4 or not w.any():
         return best
-    each = numbers_a_step(w)
+    follows = np.fft.irfft(np.abs(np.fft.rfft(w, 2 * steps)) ** 2)[:steps]
+    each = 1 / (2 * float(((follows / follows[0]) ** 2).sum()) - 1)  # numbers a step
     total, length = np.concatenate([[0.0], np.cumsum(w**2 / np.mean(w**2))]), steps // 2
     while length >= 2:
         first = np.arange(0, steps - length + 1, max(length // 2, 1))
@@ -51,10 +52,13 @@ def stretch_of_its_own(w: Array) -> tuple[float, int, int]:
     return best
 
 
-def strong_by_turns(load: Array, cost: float) -> Flags:
+def strong_by_turns(load: Array, numbers: float, cost: float) -> Flags:
     """At which samples a load (time,) is of the larger of two sizes: the likeliest turns, each at a cost.
 
-    >>> strong_by_turns(np.array([0.1, -0.1, 0.1, 3.0, -2.0, 0.1, 0.2, -0.1]), 1.0).astype(int).tolist()
+    numbers: that each sample is as good as, where they know of each other.
+
+    >>> load = np.array([0.1, -0.1, 0.1, 3.0, -2.0, 0.1, 0.2, -0.1])
+    >>> strong_by_turns(load, 1.0, 1.0).astype(int).tolist()
     [0, 0, 0, 1, 1, 0, 0, 0]
     """
     energy = load**2 + np.finfo(float).tiny
@@ -63,7 +67,7 @@ def strong_by_turns(load: Array, cost: float) -> Flags:
         if strong.all() or not strong.any():
             break
         quiet, loud = energy[~strong].mean(), energy[strong].mean()
-        gain = 0.5 * numbers_a_step(load) * (energy / quiet - energy / loud - np.log(loud / quiet))
+        gain = 0.5 * numbers * (energy / quiet - energy / loud - np.log(loud / quiet))
         best, before = (0.0, 0.0), []
         for one in gain.tolist():
             before.append((best[1] - cost > best[0], best[0] - cost > best[1]))
@@ -73,12 +77,6 @@ def strong_by_turns(load: Array, cost: float) -> Flags:
             strong[k] = now
             now ^= before[k][now]
     return strong
-
-
-def numbers_a_step(w: Array) -> float:
-    """How many numbers each of w (step,) is as good as, that know of each other."""
-    follows = np.fft.irfft(np.abs(np.fft.rfft(w, 2 * len(w))) ** 2)[: len(w)]
-    return 1 / (2 * float(((follows / follows[0]) ** 2).sum()) - 1)
 
 
 def unlikely(energy: Array, numbers: float) -> Array:
