@@ -6,7 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from forceid.estimation.live.loads import TICKS, begun_force, begun_moment, next_force, next_moment
+from forceid.estimation.live.loads import (
+    NO_TURN,
+    TICKS,
+    begun_force,
+    begun_moment,
+    next_force,
+    next_moment,
+    spun,
+)
 from forceid.estimation.live.model import LiveModel
 from forceid.estimation.live.sight import Swing, look, moved
 from forceid.flight.path.reference import COARSE
@@ -58,11 +66,14 @@ def begun(model: LiveModel, frame: Frame, lag: float, momentum: Array, why: str 
     seen, swing, lacking = look(model, frame.position, moved(model, np.zeros(states)), 0)
     if seen is None:
         return None
-    force, _ = next_force(model, begun_force(model), 0, seen, seen.center, False)
+    turn = seen.rotation, NO_TURN, seen.rotation
+    force, _ = next_force(model, begun_force(model), 0, seen, seen.center, turn, False)
     moment = None
     if model.moment is not None:
         course = begun_moment(model, momentum)
-        moment, _, _ = next_moment(model, course, seen.rotation, (0.0, 0), seen, (swing, swing), False)
+        moment, _, _ = next_moment(
+            model, course, seen.rotation, (0.0, 0), NO_TURN, seen, (swing, swing), False
+        )
     reasons = (*missing(model, lacking), *([why] if why else []))
     until = frame.time + lag if why else -np.inf
     return LiveFlight(
@@ -80,15 +91,19 @@ def behind(model: LiveModel, flight: LiveFlight, frame: Frame, lag: float) -> Li
     if step > GAP * model.step:
         pending, until, why = lost(flight, frame.time, lag, f"no frames for {step:.3g} s")
     wild = flight.spared >= SPARED
-    force, far = next_force(model, flight.force, ticks, seen, flight.origin, wild)
-    spoiled = ["place"] if not len(force.gain) and seen is not None else []
-    moment, R = flight.moment, flight.rotation
+    moment, R, turn, off = flight.moment, flight.rotation, None, None
     if moment is not None and R is not None:
         swings = (flight.swing, swing)
-        moment, R, off = next_moment(model, moment, R, (step, ticks), seen, swings, wild)
+        by, before = spun(model, moment, R, flight.swing, step), R
+        moment, R, off = next_moment(model, moment, R, (step, ticks), by, seen, swings, wild)
+        turn = before, by, R
         P = moment.P
         if seen is not None and flight.age > YOUNG and P[0, 0] + P[1, 1] + P[2, 2] > COARSE**2:
             return None
+    force, far = next_force(model, flight.force, ticks, seen, flight.origin, turn, wild)
+    spoiled = ["place"] if not len(force.gain) and seen is not None else []
+    if off is not None:
+        assert moment is not None
         spoiled += ["turn"] if not len(moment.gain) and seen is not None else []
         far = 0.5 * (far + off)
     told = missing(model, lacking)

@@ -1,6 +1,7 @@
 """The two loads of a flight from frame to frame: force on the mass center, moment on the rotation.
 
-The states are those of `forceid.flight.model`, each load along the axes of its prior. The rotation is
+The states are those of `forceid.flight.model`, each load along the axes of its prior: of one that turns with
+the body, its own states stand in axes of the body, its integrals in those of the world. The rotation is
 linearized about where the filter expects the next frame, which is as near as a frame behind allows.
 """
 
@@ -16,7 +17,7 @@ from forceid.compiled import engine as compiled
 from forceid.estimation.live.model import LiveModel
 from forceid.estimation.live.sight import Seen, Swing
 from forceid.flight.attitude import ReferenceTrajectory, between, turn_along, turned
-from forceid.flight.priors.protocol import INTEGRAL, MOMENTUM, LoadPrior
+from forceid.flight.priors.protocol import INTEGRAL, LOAD, MOMENTUM, LoadPrior
 from forceid.kalman.recursions.fixed_lag import NO_FRAME, OBSERVED, Course, begun, followed
 from forceid.motion import SUBSTEP
 from forceid.records import Array
@@ -25,6 +26,9 @@ from forceid.significance import WILD
 TICKS = 1024  # parts of a step of the clock that steps are rounded to: 10 um at 20 m/s and 1 kHz
 CLOCKS = 512  # lengths of a step that are remembered, 7 kB each: a clock with more of them costs time
 BOTH = slice(0, 6)  # the two integrals of a load
+SMALL_TURN = 0.01  # rad: means over a shorter turn are those of none, to 1e-5 of what it bends
+NO_TURN = np.zeros(3)  # rad: of a first frame, and where nothing turns with the body
+WITHOUT_TURN = 1 / 2, 1 / 6, 1 / 12  # of no turn, of what multiplies its first power and its square
 
 
 @lru_cache(CLOCKS)
@@ -47,9 +51,54 @@ def transition(model: LiveModel, load: str, ticks: int) -> tuple[Array, Array, A
 
 
 @lru_cache(8)
-def rows_of(model: LiveModel, load: str) -> Array:
-    """Rows (3, state) that read a load, world axes."""
-    return np.ascontiguousarray(getattr(model, load).rows)
+def still_rows(model: LiveModel, load: str) -> tuple[Array, Array | None]:
+    """Rows (3, state) that read a load, world axes; of one that turns with the body its lines alone, and what
+    its own states read (3, state) along its axes there.
+    """
+    prior: LoadPrior = getattr(model, load)
+    rows = np.ascontiguousarray(prior.rows)
+    if prior.body_axes is None:
+        return rows, None
+    own = rows.copy()
+    own[:, prior.vectors :], rows[:, : prior.vectors] = 0.0, 0.0
+    return rows, prior.body_axes @ own
+
+
+def rows_of(model: LiveModel, load: str, R: Array | None) -> Array:
+    """Rows (3, state) that read a load, world axes, of a body at the rotation R (3, 3)."""
+    rows, own = still_rows(model, load)
+    return rows if own is None or R is None else rows + R @ own
+
+
+def carried(prior: LoadPrior, F: Array, Q: Array, turn: Array, R: Array) -> tuple[Array, Array]:
+    """F and Q (state, state) over a step of a load that turns with a body: by the rotation vector turn (3,),
+    world axes, from R (3, 3). What its states add to the integrals goes to the axes of the world.
+
+    The mean of exp(u turn) over u from 0 to 1, and, as a push early in the step counts more in the second
+    integral, that with the weight 2 (1 - u): as of `forceid.flight.priors.body_fixed`, of a steady spin.
+    """
+    assert prior.body_axes is not None
+    size, K, n = math.hypot(*turn.tolist()), skew(turn), prior.vectors
+    a, b, c = WITHOUT_TURN
+    if size > SMALL_TURN:
+        a, b = (1 - math.cos(size)) / size**2, (size - math.sin(size)) / size**3
+        c = (1 - 2 * a) / size**2
+    at = R @ prior.body_axes
+    once = K @ at
+    twice, along = K @ once, np.zeros((6, 6))
+    along[INTEGRAL, INTEGRAL] = at + 2 * b * once + c * twice
+    along[MOMENTUM, MOMENTUM] = at + a * once + b * twice
+    F, Q = F.copy(), Q.copy()
+    F[BOTH, LOAD.start : n] = along @ F[BOTH, LOAD.start : n]
+    Q[BOTH, :n] = along @ Q[BOTH, :n]
+    Q[:n, BOTH] = Q[:n, BOTH] @ along.T
+    return F, Q
+
+
+def skew(a: Array) -> Array:
+    """[a]x (3, 3) of one vector, where each frame needs some."""
+    x, y, z = a.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def begun_force(model: LiveModel) -> Course:
@@ -71,43 +120,66 @@ def begun_moment(model: LiveModel, momentum: Array) -> Course:
 
 
 def next_force(
-    model: LiveModel, course: Course, ticks: int, seen: Seen | None, origin: Array, wild: bool
-) -> tuple[Course, float]:
+    model: LiveModel, course: Course, ticks: int, seen: Seen | None, origin: Array,
+    turn: tuple[Array, Array, Array] | None, wild: bool,
+) -> tuple[Course, float]:  # fmt: skip
     """The force behind a frame, so many ticks after the one before, 0 for the first; and how far it is off.
 
+    turn: the rotation (3, 3) before the step, what turns it (3,), world axes, and that after it, where known;
     wild: whether a frame that is far off what is expected may be left out.
     """
-    prior, z, R = model.force, NO_FRAME, course.R
+    prior, z, R, after = model.force, NO_FRAME, course.R, None
     F, Q, u = transition(model, "force", ticks)
+    if turn is not None and prior.body_axes is not None:
+        before, by, after = turn
+        F, Q = carried(prior, F, Q, by, before)
     if seen is not None:
         z, R = (seen.center - origin) @ prior.axes, seen.sight.cov[:3, :3]
         if seen.sight.share is None:  # else it is alike along all axes
-            turn = prior.axes.T @ seen.rotation
-            R = turn @ R @ turn.T
+            to_prior = prior.axes.T @ seen.rotation
+            R = to_prior @ R @ to_prior.T
     most = WILD**2 if wild else np.inf
-    return followed(course, F @ course.x + u, F, Q, rows_of(model, "force"), z, R, most)
+    return followed(course, F @ course.x + u, F, Q, rows_of(model, "force", after), z, R, most)
+
+
+def spun(model: LiveModel, course: Course, R: Array, swing: Swing, step: float) -> Array:
+    """What turns a body over a step in s (3,), world axes, at the spin that it has before: none where no load
+    turns with it.
+    """
+    if model.moment is None or not model.turns:
+        return NO_TURN
+    H = model.moment.axes @ course.x[MOMENTUM]
+    return np.asarray(step * (R @ np.linalg.solve(swing.J, R.T @ H - swing.h)))
 
 
 def next_moment(
-    model: LiveModel, course: Course, R: Array, step: tuple[float, int], seen: Seen | None,
+    model: LiveModel, course: Course, R: Array, step: tuple[float, int], by: Array, seen: Seen | None,
     swings: tuple[Swing, Swing], wild: bool,
 ) -> tuple[Course, Array, float]:  # fmt: skip
     """The moment and the rotation R (3, 3) behind a frame, and how far off that is.
 
-    step: since the one before, in s and in ticks; swings: before the step and after it.
+    step: since the one before, in s and in ticks; by (3,): what turns the body over it, as `spun`; swings:
+    before the step and after it.
     """
     prior = model.moment
     assert prior is not None
     x, (F, Q, _) = course.x, transition(model, "moment", step[1])
+    turns = prior.body_axes is not None
     if step[1]:
+        if turns:
+            F, Q = carried(prior, F, Q, by, R)
+            F[MOMENTUM, OBSERVED] = -skew(F[MOMENTUM, LOAD] @ x[LOAD])  # states that stand in the body
         x, R, F, Q = turning(model, x, R, step[0], swings, F, Q)
+    rows = rows_of(model, "moment", R)
+    if turns:
+        rows[:, OBSERVED] = -skew(rows @ x)
     z, cov = NO_FRAME, course.R
     if seen is not None:
         z, cov = (
             between(seen.rotation[None], R[None])[0],
             seen.rotation @ seen.sight.cov[3:, 3:] @ seen.rotation.T,
         )
-    after, off = followed(course, x, F, Q, rows_of(model, "moment"), z, cov, WILD**2 if wild else np.inf)
+    after, off = followed(course, x, F, Q, rows, z, cov, WILD**2 if wild else np.inf)
     if not len(after.gain):
         return after, R, off
     theta = after.x[OBSERVED].copy()

@@ -78,6 +78,12 @@ class LiveModel:
     tuned: dict[str, float]
     findings: tuple[Finding, ...]
 
+    @property
+    def turns(self) -> bool:
+        """Whether a load keeps to axes of the body."""
+        loads = self.force, self.moment
+        return any(load is not None and load.body_axes is not None for load in loads)
+
 
 def tuned_on(
     frames: list[Frame], body: Body, gravity: Array, noise_std: dict[str, float], settings: Settings
@@ -85,8 +91,7 @@ def tuned_on(
     """The model that the estimate of a stretch leaves. EstimationError where that shows no force."""
     time, position = np.array([f.time for f in frames]), np.array([f.position for f in frames])
     motion = Motion(time, position, gravity=gravity, noise_std=noise_std)
-    in_world = settings.model_copy(update={"load_axes": "world"})  # a filter leads loads there
-    found, solution = estimate_whole(Recording(body, motion), in_world)
+    found, solution = estimate_whole(Recording(body, motion), settings)
     if solution is None or "force" not in solution.priors or solution.kinematics.markers is None:
         why = "; ".join(found.verdict.reasons) or "the plain route alone stands, which has no prior"
         raise EstimationError(f"cannot be tuned on: {why}", f"the stretch up to {time[-1]:g} s")
@@ -120,7 +125,7 @@ def model_of(solution: Solution, gravity: Array, findings: tuple[Finding, ...]) 
         inside=np.atleast_2d(kin.inside)[-1], gravity=gravity, force=to_go_on(solution.priors["force"]),
         moment=to_go_on(solution.priors["moment"]) if turning else None,
         momentum=np.nan_to_num(state.H[0]),
-        spread=np.eye(6) if (growth := solution.grown) is None else growth**2,
+        spread=np.eye(6) if (growth := solution.grown) is None else (growth.reshape(-1, 6, 6) ** 2).mean(0),
         allowance=extra[n : T - n].mean(0) * lasts, at_first=extra * (not lasts),
         least=float(np.linalg.eigvalsh(J)[:, 0].min()),
         slow=1.0 if kin.color is None else kin.color.slow, level=kin.model, tuned=solution.tuned,
@@ -137,7 +142,7 @@ def still(kin: Kinematics) -> Products:
 def to_go_on(prior: LoadPrior) -> LoadPrior:
     """The prior of what is to come: that of the loudest piece, with lines that stand still in the world."""
     lines = tuple(line.onward for line in prior.lines if not line.turns)
-    return LoadPrior(replace(prior.tuned, pieces=None), prior.axes, prior.start, lines)
+    return replace(prior, tuned=replace(prior.tuned, pieces=None), lines=lines)
 
 
 def swings_of(solution: Solution, step: float) -> Swings | None:

@@ -117,7 +117,7 @@ def check_pace(pace: Pace) -> None:
 def check_settings(settings: Settings) -> None:
     """ConfigError where settings ask for what a live estimate does not do."""
     plain = Settings()
-    alone = ("method", "load", "known_load", "part", "joint", "load_axes", "load_prior", "moment_about")
+    alone = ("method", "load", "known_load", "part", "joint", "load_prior", "moment_about")
     for name in (*alone, "material", "gauge", "prior"):
         if getattr(settings, name) != getattr(plain, name):
             raise ConfigError(

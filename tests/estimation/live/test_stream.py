@@ -225,8 +225,8 @@ def test_a_pace_that_cannot_be_is_refused(name, value):
 
 def test_settings_that_a_live_estimate_does_not_follow_are_refused():
     pace = live_pace(None, None, None)
-    with pytest.raises(ConfigError, match="load_axes"):
-        followed_live(iter([]), body_file(), load_settings(load_axes="body"), pace, False, print)
+    with pytest.raises(ConfigError, match="load_prior"):
+        followed_live(iter([]), body_file(), load_settings(load_prior="periodic"), pace, False, print)
 
 
 def test_positions_in_millimeters_are_refused():
