@@ -21,13 +21,15 @@ from forceid.estimation.methods.problem import Problem
 from forceid.estimation.methods.tuning import as_on_modes, orders_asked, stated_of
 from forceid.flight.channels import CHANNEL_SAMPLES
 from forceid.flight.path.linear import seen_part
-from forceid.flight.priors.protocol import LoadPrior
-from forceid.kalman.model import StateSpace
+from forceid.flight.priors.protocol import CONSTANT, LoadPrior
+from forceid.kalman.model import Filtered, StateSpace
 from forceid.records import Array
+from forceid.rounding import SOLVED
 from forceid.significance import CHANCE, PATIENCE
 from forceid.timing import stage
 
 LOADS = {"force": slice(0, 3), "moment": slice(3, 6)}  # of a wrench
+MEAN_SIZES = 64  # from none to as good as unknown, over up to 40 orders of e: the best one is met to 0.1
 
 
 @dataclass(frozen=True)
@@ -162,7 +164,23 @@ def by_itself(problem: Problem, load: str, prior: LoadPrior) -> tuple[float, Arr
     """Log-likelihood of what a load moves by itself, about the flight solved, and the load (time, 3) so."""
     filtered, x = problem.engine.filter_and_smooth_states(*half_of(problem, load, prior))
     x = filtered.x if problem.causal else x
-    return float(filtered.log_likelihood), prior.read(x[:, : prior.states])[1]
+    likely = float(filtered.log_likelihood) + with_mean_of_any_size(filtered, prior.start.mean)
+    return likely, prior.read(x[:, : prior.states])[1]
+
+
+def with_mean_of_any_size(filtered: Filtered, var: float) -> float:
+    """What a record gains, as a logarithm, where the mean of a load is of the size that is likeliest.
+
+    filtered: with a mean of variance var along each axis, as good as unknown. What so wide a prior costs goes
+    by how well the record tells the mean, which along axes that turn is far worse: it is no evidence for
+    these (Bartlett, Biometrika 44 (1957) 533).
+    """
+    told, turned = np.linalg.eigh(filtered.gains.P[-1, CONSTANT, CONSTANT])
+    square, told = (turned.T @ filtered.x[-1, CONSTANT]) ** 2, np.maximum(told, np.finfo(float).tiny)
+    share = np.geomspace(1.0, min(SOLVED * told.min() / var, 1.0), MEAN_SIZES)[:, None]  # of the variance
+    more = (1 / share - 1) / var
+    lost = np.log(share) + np.log1p(told * more) + square * more / (1 + told * more)
+    return float(-0.5 * lost.sum(1).min())
 
 
 def along(problem: Problem, priors: dict[str, LoadPrior]) -> Problem:

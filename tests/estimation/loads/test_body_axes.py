@@ -1,5 +1,6 @@
 """Loads that turn with the body, against paths integrated by a method of their own."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -13,6 +14,7 @@ from forceid.estimation.loads.body_axes import body_fixed_prior, channel_likelih
 from forceid.estimation.loads.channels import tune_channel
 from forceid.estimation.loads.hidden.order_uncertainty import growth_of
 from forceid.estimation.loads.hidden.whitened import whitened
+from forceid.estimation.methods.axes import with_mean_of_any_size
 from forceid.estimation.run import estimate_recording
 from forceid.flight.channels import Channel, Start
 from forceid.flight.priors.body_fixed import Turning
@@ -165,6 +167,33 @@ def test_the_record_says_whether_a_force_turns_with_the_body(turns: bool) -> Non
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("along", [None, np.eye(3)])
+def test_a_mean_of_the_likeliest_size_gains_what_filters_of_all_sizes_say(along: Array | None) -> None:
+    for load in (0.0, 1.0):
+        channel = channel_of(load * drawn(3)[1], 3)
+        prior = replace(TRUTH, start=Start(1e2, 1e2, 1e2), body_axes=along).scaled(max(load, 1e-6), 10.0)
+        filtered = engine("compiled").filter(channel_model(channel, prior, rotation_at(TIME)), channel.moved)
+        sizes = [replace(prior, start=replace(prior.start, mean=10.0**-k)) for k in np.arange(-2, 20, 0.25)]
+        each = [channel_likelihood(channel, one, rotation_at(TIME), engine("compiled")) for one in sizes]
+        gained = with_mean_of_any_size(filtered, prior.start.mean)
+        assert gained == pytest.approx(max(each) - filtered.log_likelihood, abs=0.1)
+
+
+def test_where_nothing_pushes_axes_that_turn_are_no_likelier() -> None:
+    """The mean of a load is told a thousand times as well along axes that stand still: no evidence."""
+    for seed in range(5):
+        channel, R = channel_of(np.zeros((len(TIME), 3)), seed), rotation_at(TIME)
+        wide = TRUTH.scaled(1e-6, 10.0)
+        plain, gains = [], []
+        for along in (np.eye(3), None):
+            model = channel_model(channel, replace(wide, body_axes=along), R)
+            filtered = engine("compiled").filter(model, channel.moved)
+            plain.append(filtered.log_likelihood)
+            gains.append(with_mean_of_any_size(filtered, wide.start.mean))
+        assert plain[0] - plain[1] > 5
+        assert abs(plain[0] + gains[0] - plain[1] - gains[1]) < 3
+
+
 def test_asked_for_body_axes_an_estimate_says_how_much_more_likely_they_are_and_stays_within_its_claim() -> (
     None
 ):
