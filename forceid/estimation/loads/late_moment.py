@@ -22,12 +22,24 @@ LARGER_BY = np.exp(np.arange(13.0))  # of a moment over that which a channel too
 
 
 def contradicted(state: FlightState) -> bool:
-    """Whether rotations are off what their prior expects by more than chance; wild ones do not count: no
-    prior explains them.
+    """Whether rotations are off what their prior expects by more than chance, at all frequencies or at some.
+
+    A moment that its channel took for none leaves slow innovations, of which their mean square tells little:
+    another prior promises that of each octave of their spectrum, n ordinates of mean power r > 1, the
+    log-likelihood n (r - 1 - log r). Chance makes a quarter of it an octave. Wild ones do not count: no prior
+    explains them.
     """
     white = np.clip(state.innovation[:, 3:6], -OUTLIER, OUTLIER)
-    known = int(np.isfinite(white).sum())
-    return bool(known and np.nanmean(white**2) > 1 + SIGMAS * np.sqrt(2 / known))
+    white = white[np.isfinite(white).all(1)]
+    if len(white) < 3:
+        return False
+    power = np.abs(np.fft.rfft(white, axis=0)[1:]) ** 2 / len(white)
+    first = 2 ** np.arange(int(np.log2(len(power))) + 1) - 1
+    count = np.diff(first, append=len(power))[:, None]
+    r = np.maximum(np.add.reduceat(power, first) / count, 1.0)
+    promise = float((count * (r - 1 - np.log(r))).sum())
+    known = white.size
+    return bool((white**2).mean() > 1 + SIGMAS * np.sqrt(2 / known) or promise > PATIENCE + 0.25 * r.size)
 
 
 def by_the_flight(

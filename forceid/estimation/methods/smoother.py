@@ -69,7 +69,7 @@ def solve(problem: Problem) -> Problem:
     Not where a deformation hides what loads do: the likeliest ones are then too weak.
     """
     kin, flight = problem.kin, problem.flight
-    alone = kin.apart or flight.sensors is not None or kin.inertia.line is not None
+    alone = flight.sensors is not None or kin.inertia.line is not None
     fixed = problem.hides or not kin.attitude or alone
     with stage("flight"):
         try:

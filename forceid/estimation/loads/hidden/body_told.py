@@ -10,8 +10,8 @@ of it, of a blow beside the center or of air, those of a wheel, and an inertia o
 explain as well tells of nothing wrong. Of a mass no motion tells, nor of the size of an inertia. Who is seen
 to have told one of the three wrong is believed in none.
 A mass center that a record shows beside its rivals, at odds that chance reaches once in a hundred, is taken
-there: if every part of the record shows it, which a blow does not, and the same, which air does not. An
-inertia is not: what it makes is worked out from the very turn that is to tell of it.
+there: if every part of the record shows it, which a blow does not, and the same, which air does not; no
+inertia is, as what it makes is worked out from the turn that is to tell of it.
 Source: principal equations 2.4, 2.6.
 """
 
@@ -30,7 +30,7 @@ from forceid.estimation.body.inertia import Inertia, second_moment
 from forceid.estimation.body.kinematics import Kinematics, mapped, shape_at
 from forceid.estimation.loads.hidden.inner_wheel import LEVERS, STRONG, TOLD, TURNING, WHEEL
 from forceid.estimation.loads.hidden.order_uncertainty import claimed_along, grown
-from forceid.estimation.loads.hidden.patterns import MOST_GAINED, patterns_held
+from forceid.estimation.loads.hidden.patterns import MOST_GAINED, likeliest_amounts, patterns_held
 from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.estimation.verdict.body_errors import SYMMETRIC
 from forceid.estimation.verdict.catalogue import note
@@ -82,12 +82,15 @@ class Wrong:
     claimed: Array
     axes: Array
 
+    def nearer(self, told: Suspect) -> Array:
+        """The amounts of what is known to be wrong, as near as noise leaves them."""
+        return likeliest_amounts(told.look, told.columns, told.std, self.amounts)
+
 
 class Allowance(NamedTuple):
     """Growth ([time,] 6, 6) of claimed errors that allows for a body told wrong, and what is said of it.
 
-    wrong_mass: part of itself by which the mass may be told wrong; center_off (3,) m, body axes: by what the
-    mass center is shown to be.
+    wrong_mass: part of itself by which the mass may be told wrong; center_off (3,) m, body axes: where shown.
     """
 
     growth: Array
@@ -115,10 +118,9 @@ def by_center(time: Array, F: Array, state: tuple[Array, Array, Array, Array], m
     """What the channel of a force (time, 3, 27) sees of a mass center told wrong, and of its rivals.
 
     Of each unit, along axes of the body: a place in what it carries, F (time, 3, 3); a force that keeps to
-    the body, as of a spring at a point of it; its rate over the spin, as of a dashpot there; a force along
-    one axis that goes with the moment about another, over its size, as of a blow beside the center; and one
-    that goes with the velocity along another and with the speed, as of air. state: rotation (time, 3, 3),
-    spin, moment and velocity (time, 3).
+    the body, as of a spring; its rate over the spin, as of a dashpot; a force along one axis that goes with
+    the moment about another, over its size, as of a blow beside the center; and one that goes with velocity
+    along another and speed, as of air. state: rotation (time, 3, 3), spin, moment, velocity (time, 3).
     """
     R, omega, moment, velocity = state
     speed = np.linalg.norm(velocity, axis=1)[:, None]
@@ -227,7 +229,7 @@ def allow_for_told(
     believed: whether nothing told of the body was seen to be wrong before. Who is seen to have measured the
     one badly did the others, as far as that is open; who said how well he knows it has claimed that already.
     """
-    each, said = list(wrongs(told, state, growth)), []
+    each, said = list(wrongs(told, state, growth)), list[Finding]()
     best = max((one.gained for one in each), default=0.0) if believed else np.inf
     shown = [one for one in each if one.load == "force" and one.steady and CHANCE * np.exp(one.gained) > 1]
     badly = best > np.log(STRONG)
@@ -242,7 +244,8 @@ def allow_for_told(
             code, unit, scale = SAID[one.load]
             amount, made = scale * float(np.linalg.norm(one.amounts)), float(np.linalg.norm(one.off))
             said.append(note(code, amount=amount, made=made, found=found_of(state, one.load), unit=unit))
-    return Allowance(growth, SWUNG if badly else 0.0, tuple(said), shown[0].amounts if shown else None)
+    at = shown[0].nearer(told["force"]) if shown else None
+    return Allowance(growth, SWUNG if badly else 0.0, tuple(said), at)
 
 
 def found_of(state: FlightState, load: str) -> float:

@@ -7,9 +7,10 @@ passed for, so that smaller loads are tried beside it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import huber
 
 from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.records import Array, Indices
@@ -17,7 +18,7 @@ from forceid.significance import OUTLIER, TENTH
 
 MOST_GAINED = 500.0  # log-likelihood beyond which odds are certain, and their numbers too large to hold
 QUARTERS = 4  # of a record, in which a pattern that is none will differ
-SIZES = 10  # of a load, each half of the last: to a thousandth
+SIZES = 10  # of a load, each half of the last: to a thousandth; to a millionth where the pattern is known
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,27 @@ def patterns_held(
         gained, *apart = (np.logaddexp.reduce([one[0] for one in found]) - without).tolist()
         held.append(Held(min(gained, MOST_GAINED), tuple(apart), amount, cov))
     return held
+
+
+def likeliest_amounts(look: Whitened, columns: slice, std: float, about: Array) -> Array:
+    """How much (column,) a record holds of a pattern that it is known to hold, and that about so much.
+
+    The load may be of any size up to the one found, each half of the last. Under one so small that the
+    pattern alone explains the record, most innovations are outliers: here these are held back in what the
+    pattern leaves (Huber, Robust Statistics (1981) 7).
+    """
+    alone, best = replace(look, also=look.also[..., columns]), (-np.inf, about)
+    for share in 0.5 ** np.arange(2 * SIZES):
+        one = alone.filtered(look.prior.scaled(share, np.sqrt(look.prior.start.mean)))
+        seen, *rows = (a.ravel() for a in np.nan_to_num(one.innovation).swapaxes(0, 1))
+        S = np.array(rows)
+        left = seen - about @ S
+        told = S @ S.T + np.eye(len(S)) / std**2
+        about = about + np.linalg.solve(told, S @ np.clip(left, -OUTLIER, OUTLIER) - about / std**2)
+        cost = huber(OUTLIER, seen - about @ S).sum() + 0.5 * (about @ about) / std**2
+        likely = one.log_likelihood[0] + 0.5 * (seen @ seen) - cost - 0.5 * np.linalg.slogdet(told)[1]
+        best = max(best, (float(likely), about), key=lambda found: found[0])
+    return best[1]
 
 
 def products_in_parts(innovation: Array) -> Array:
