@@ -29,7 +29,7 @@ from forceid.significance import CHANCE, PATIENCE
 from forceid.timing import stage
 
 LOADS = {"force": slice(0, 3), "moment": slice(3, 6)}  # of a wrench
-MEAN_SIZES = 64  # from none to as good as unknown, over up to 40 orders of e: the best one is met to 0.1
+MEAN_SIZES = 128  # from none to as good as unknown: of the steps between, the best is met to 0.1
 
 
 @dataclass(frozen=True)
@@ -166,10 +166,13 @@ def with_mean_of_any_size(filtered: Filtered, var: float) -> float:
     by how well the record tells the mean, which along axes that turn is far worse: it is no evidence for
     these (Bartlett, Biometrika 44 (1957) 533).
     """
-    told, turned = np.linalg.eigh(filtered.gains.P[-1, CONSTANT, CONSTANT])
-    square, told = (turned.T @ filtered.x[-1, CONSTANT]) ** 2, np.maximum(told, np.finfo(float).tiny)
-    share = np.geomspace(1.0, min(SOLVED * told.min() / var, 1.0), MEAN_SIZES)[:, None]  # of the variance
-    more = (1 / share - 1) / var
+    if not var > 0:
+        return 0.0
+    told, turned = np.linalg.eigh(filtered.gains.P[-1, CONSTANT, CONSTANT] / var)
+    told = np.maximum(told, np.finfo(float).eps ** 2)  # what rounding leaves of none
+    square = (turned.T @ filtered.x[-1, CONSTANT]) ** 2 / var
+    share = np.geomspace(1.0, min(SOLVED * told.min(), 1.0), MEAN_SIZES)[:, None]  # of the variance
+    more = 1 / share - 1
     lost = np.log(share) + np.log1p(told * more) + square * more / (1 + told * more)
     return float(-0.5 * lost.sum(1).min())
 

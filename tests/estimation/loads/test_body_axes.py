@@ -179,6 +179,15 @@ def test_a_mean_of_the_likeliest_size_gains_what_filters_of_all_sizes_say(along:
         assert gained == pytest.approx(max(each) - filtered.log_likelihood, abs=0.1)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_mean_that_is_known_or_told_to_rounding_gains_a_finite_amount() -> None:
+    channel = channel_of(np.zeros((len(TIME), 3)), 0)
+    for std in (0.0, 1e-150, 1e3):
+        prior = TRUTH.scaled(1e-6, std)
+        filtered = engine("compiled").filter(channel_model(channel, prior), channel.moved)
+        assert 0.0 <= with_mean_of_any_size(filtered, prior.start.mean) < 200
+
+
 def test_where_nothing_pushes_axes_that_turn_are_no_likelier() -> None:
     """The mean of a load is told a thousand times as well along axes that stand still: no evidence."""
     for seed in range(5):
