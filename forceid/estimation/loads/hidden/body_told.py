@@ -1,18 +1,17 @@
 """A mass center or an inertia told a little wrong, which passes for a load that turns with the body.
 
 A center told d beside its place, body axes, is seen at c + R d, and m (R d)'' passes for force. An inertia
-told dJ too large makes R dJ omega of angular momentum, and the rate of that passes for moment. Where the body
-deforms by a map F, both do with it. These are patterns that the motion fixes, and the record is more or less
-likely with them: beforehand as likely as none, of the size that is stated (body_std), or that usual
+told dJ too large makes R dJ omega of angular momentum, and the rate of that passes for moment. Where the
+body deforms by a map F, both do with it. These are patterns that the motion fixes, and the record is more or
+less likely with them: beforehand as likely as none, of the size that is stated (body_std), or that usual
 measurements leave. The prior of the load has grown to what such a pattern passed for, so that smaller loads
 are tried beside it. So are their rivals, a force that keeps to the body, of a spring or a dashpot at a point
 of it, of a blow beside the center or of air, those of a wheel, and an inertia of another size: what they
 explain as well tells of nothing wrong. Of a mass no motion tells, nor of the size of an inertia. Who is seen
-to have told one of the three wrong is believed in none.
-A mass center that a record shows beside its rivals, at odds that chance reaches once in a hundred, is taken
-there: if every part of the record shows it, which a blow does not, and the same, which air does not; no
-inertia is, as what it makes is worked out from the turn that is to tell of it.
-Source: principal equations 2.4, 2.6.
+to have told one of the three wrong is believed in none. A mass center that a record shows beside its rivals,
+at odds that chance reaches once in a hundred, is taken there: if every part of the record shows it, which a
+blow does not, and the same, which air does not; no inertia is, as what it makes is worked out from the turn
+that is to tell of it. Source: principal equations 2.4, 2.6.
 """
 
 from __future__ import annotations
@@ -52,9 +51,8 @@ OF_SIZE, NONE = slice(17, 18), slice(0)  # columns that no motion tells: the las
 class Suspect:
     """What of a body may be told wrong, beside its rivals, in the channel of the load that it makes.
 
-    look: the channel beside all of these; columns: of what may be wrong by std each, before the record is
-    seen, `size`: of what no motion tells; rivals: columns, and the std of their amounts; stated: whether who
-    told it said how well he knows it.
+    look: the channel beside all of these; columns: of what may be wrong by std each, beforehand, `size`: of
+    what no motion tells; rivals: columns, and std of their amounts; stated: whether how well it is known was.
     """
 
     look: Whitened
@@ -63,6 +61,10 @@ class Suspect:
     std: float
     rivals: tuple[tuple[slice | list[int], float], ...]
     stated: bool
+
+    def held(self, about: Array) -> Array:
+        """The amounts that are likeliest where it is wrong, and by about so much."""
+        return likeliest_amounts(self.look, self.columns, self.std, about)
 
 
 @dataclass(frozen=True)
@@ -82,15 +84,11 @@ class Wrong:
     claimed: Array
     axes: Array
 
-    def nearer(self, told: Suspect) -> Array:
-        """The amounts of what is known to be wrong, as near as noise leaves them."""
-        return likeliest_amounts(told.look, told.columns, told.std, self.amounts)
-
 
 class Allowance(NamedTuple):
     """Growth ([time,] 6, 6) of claimed errors that allows for a body told wrong, and what is said of it.
 
-    wrong_mass: part of itself by which the mass may be told wrong; center_off (3,) m, body axes: where shown.
+    wrong_mass: part of the mass by which it may be told wrong; center_off (3,) m, body axes: where shown.
     """
 
     growth: Array
@@ -165,10 +163,10 @@ def told_in(
     lever: float,
     inside: bool,
 ) -> Suspect:
-    """What of a body may be told wrong in the channel of a load.
+    """What of a body may be told wrong in the channel of a load: look, beside `by_center`, or beside
+    `inner_wheel.signals` and `by_inertia` behind them.
 
-    look: beside `by_center`, or `inner_wheel.signals` and `by_inertia` behind them; doubt: how well it is
-    known, as stated; lever m: of a force that turns the body, 0 for none; inside: whether a wheel may be.
+    doubt: as stated; lever m: of a force that turns the body, 0 for none; inside: whether a wheel may be.
     """
     size = found_of(state, load)
     if load == "force":
@@ -193,16 +191,15 @@ def wrongs(told: Mapping[str, Suspect], state: FlightState, growth: Array) -> It
             continue
         gained, steady, amounts, cov = beside_rivals(one, found_of(state, load))
         square = (made @ amounts) ** 2 + np.einsum("tah,hk,tak->ta", made, cov, made, optimize=True)
-        square += one.std**2 * (unseen**2).sum(2)
-        off = np.sqrt(np.mean(square, axis=0))
+        off = np.sqrt(np.mean(square + one.std**2 * (unseen**2).sum(2), axis=0))
         yield Wrong(load, gained, steady, amounts, off, claimed, axes)
 
 
 def beside_rivals(told: Suspect, size: float) -> tuple[float, bool, Array, Array]:
-    """Log-likelihood that a record gains by what is told wrong, its amounts (column,) and their covariance.
+    """Log-likelihood that a record gains by what is told wrong, whether that is steady (parts of the record
+    gain by it, but no more by amounts of their own), its amounts (column,), and their covariance.
 
-    And whether these are steady: parts of the record gain by them, but no more by amounts of their own. With
-    it and without it each rival is as likely there as none; size: of the load found.
+    With it and without it each rival is as likely there as none; size: of the load found.
     """
     every = np.arange(told.look.also.shape[2])
     of = [(told.columns, told.std), *told.rivals]
@@ -226,8 +223,8 @@ def allow_for_told(
 ) -> Allowance:
     """What claims must allow for a body told wrong; findings where that matters.
 
-    believed: whether nothing told of the body was seen to be wrong before. Who is seen to have measured the
-    one badly did the others, as far as that is open; who said how well he knows it has claimed that already.
+    believed: nothing told was seen to be wrong before. Who is seen to have measured one badly did the others,
+    as far as that is open; who said how well he knows it has claimed that already.
     """
     each, said = list(wrongs(told, state, growth)), list[Finding]()
     best = max((one.gained for one in each), default=0.0) if believed else np.inf
@@ -244,7 +241,7 @@ def allow_for_told(
             code, unit, scale = SAID[one.load]
             amount, made = scale * float(np.linalg.norm(one.amounts)), float(np.linalg.norm(one.off))
             said.append(note(code, amount=amount, made=made, found=found_of(state, one.load), unit=unit))
-    at = shown[0].nearer(told["force"]) if shown else None
+    at = told["force"].held(shown[0].amounts) if shown else None
     return Allowance(growth, SWUNG if badly else 0.0, tuple(said), at)
 
 
