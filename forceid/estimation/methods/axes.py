@@ -63,6 +63,10 @@ def choose_axes(problem: Problem) -> Problem:
     found = {load: one for load, one in each.items() if one is not None}
     taken = {load: one.prior for load, one in found.items() if asked == "body" or one.gain > PATIENCE}
     solved = along_those_of_the_body(problem, taken) if taken else problem
+    if taken.keys() != found.keys():  # of no load is it asked along which axes it is none
+        solved = solved.claimed()
+        shown = {load for load, one in found.items() if one.gain > -np.log(CHANCE)}
+        found = {load: one for load, one in found.items() if load in shown or not is_quiet(solved, load)}
     between = np.zeros_like(problem.state.wrench_cov)
     for load, one in found.items():
         if load not in taken and one.share > CHANCE:
@@ -133,6 +137,12 @@ def along_body(problem: Problem, load: str) -> BodyAxes | None:
     (own, turned), (stated, still) = by_itself(problem, load, best), by_itself(problem, load, prior)
     gain = own - stated + PATIENCE * (len(prior.lines) - len(best.lines))
     return BodyAxes(best, gain, turned - still)
+
+
+def is_quiet(problem: Problem, load: str) -> bool:
+    """Whether no load was found along the axes of the world: one that turns has to be found as well."""
+    claimed = np.nanmean(np.diagonal(problem.state.wrench_cov, axis1=1, axis2=2)[:, LOADS[load]], axis=0)
+    return bool((problem.priors[load].kernel.std ** 2).max() < claimed.min())
 
 
 def moved_by(problem: Problem, load: str, prior: LoadPrior) -> Array:
