@@ -13,7 +13,7 @@ from forceid.estimation.live.loads import (
     begun_moment,
     next_force,
     next_moment,
-    spun,
+    turn_over_step,
 )
 from forceid.estimation.live.model import LiveModel
 from forceid.estimation.live.sight import Swing, look, moved
@@ -94,7 +94,7 @@ def behind(model: LiveModel, flight: LiveFlight, frame: Frame, lag: float) -> Li
     moment, R, turn, off = flight.moment, flight.rotation, None, None
     if moment is not None and R is not None:
         swings = (flight.swing, swing)
-        by, before = spun(model, moment, R, flight.swing, step), R
+        by, before = turn_over_step(model, moment, R, flight.swing, step), R
         moment, R, off = next_moment(model, moment, R, (step, ticks), by, seen, swings, wild)
         turn = before, by, R
         P = moment.P

@@ -70,7 +70,7 @@ def rows_of(model: LiveModel, load: str, R: Array | None) -> Array:
     return rows if own is None or R is None else rows + R @ own
 
 
-def carried(prior: LoadPrior, F: Array, Q: Array, turn: Array, R: Array) -> tuple[Array, Array]:
+def along_with_body(prior: LoadPrior, F: Array, Q: Array, turn: Array, R: Array) -> tuple[Array, Array]:
     """F and Q (state, state) over a step of a load that turns with a body: by the rotation vector turn (3,),
     world axes, from R (3, 3). What its states add to the integrals goes to the axes of the world.
 
@@ -96,7 +96,7 @@ def carried(prior: LoadPrior, F: Array, Q: Array, turn: Array, R: Array) -> tupl
 
 
 def skew(a: Array) -> Array:
-    """[a]x (3, 3) of one vector, where each frame needs some."""
+    """[a]x (3, 3) of one vector, eight times as fast as `cross_matrix`: each frame needs some."""
     x, y, z = a.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
@@ -132,7 +132,7 @@ def next_force(
     F, Q, u = transition(model, "force", ticks)
     if turn is not None and prior.body_axes is not None:
         before, by, after = turn
-        F, Q = carried(prior, F, Q, by, before)
+        F, Q = along_with_body(prior, F, Q, by, before)
     if seen is not None:
         z, R = (seen.center - origin) @ prior.axes, seen.sight.cov[:3, :3]
         if seen.sight.share is None:  # else it is alike along all axes
@@ -142,7 +142,7 @@ def next_force(
     return followed(course, F @ course.x + u, F, Q, rows_of(model, "force", after), z, R, most)
 
 
-def spun(model: LiveModel, course: Course, R: Array, swing: Swing, step: float) -> Array:
+def turn_over_step(model: LiveModel, course: Course, R: Array, swing: Swing, step: float) -> Array:
     """What turns a body over a step in s (3,), world axes, at the spin that it has before: none where no load
     turns with it.
     """
@@ -158,7 +158,7 @@ def next_moment(
 ) -> tuple[Course, Array, float]:  # fmt: skip
     """The moment and the rotation R (3, 3) behind a frame, and how far off that is.
 
-    step: since the one before, in s and in ticks; by (3,): what turns the body over it, as `spun`; swings:
+    step: since the one before, in s and in ticks; by (3,): what turns the body over it, as `turn_over_step`; swings:
     before the step and after it.
     """
     prior = model.moment
@@ -167,7 +167,7 @@ def next_moment(
     turns = prior.body_axes is not None
     if step[1]:
         if turns:
-            F, Q = carried(prior, F, Q, by, R)
+            F, Q = along_with_body(prior, F, Q, by, R)
             F[MOMENTUM, OBSERVED] = -skew(F[MOMENTUM, LOAD] @ x[LOAD])  # states that stand in the body
         x, R, F, Q = turning(model, x, R, step[0], swings, F, Q)
     rows = rows_of(model, "moment", R)

@@ -95,6 +95,6 @@ def test_a_step_along_axes_of_the_body_is_that_in_the_world_turned_there():
             for i in range(6, len(F), 3):
                 T[i : i + 3, i : i + 3] = at
             ends.append(T)
-        found = loads.carried(prior, *plain, turn, R[0])
+        found = loads.along_with_body(prior, *plain, turn, R[0])
         np.testing.assert_allclose(found[0], ends[1].T @ F @ ends[0], atol=1e-6 * np.abs(F).max())
         np.testing.assert_allclose(found[1], ends[1].T @ Q @ ends[1], atol=1e-6 * np.abs(Q).max())
