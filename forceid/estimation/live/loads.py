@@ -158,8 +158,8 @@ def next_moment(
 ) -> tuple[Course, Array, float]:  # fmt: skip
     """The moment and the rotation R (3, 3) behind a frame, and how far off that is.
 
-    step: since the one before, in s and in ticks; by (3,): what turns the body over it, as `turn_over_step`; swings:
-    before the step and after it.
+    step: since the one before, in s and in ticks; by (3,): what turns the body over it, of `turn_over_step`;
+    swings: before the step and after it.
     """
     prior = model.moment
     assert prior is not None
