@@ -1,17 +1,17 @@
 """A mass center or an inertia told a little wrong, which passes for a load that turns with the body.
 
 A center told d beside its place, body axes, is seen at c + R d, and m (R d)'' passes for force. An inertia
-told dJ too large makes R dJ omega of angular momentum, and the rate of that passes for moment. Where the
-body deforms by a map F, both do with it. These are patterns that the motion fixes, and the record is more or
-less likely with them: beforehand as likely as none, of the size that is stated (body_std), or that usual
+told dJ too large makes R dJ omega of angular momentum, and the rate of that passes for moment. Where the body
+deforms by a map F, both do with it. These are patterns that the motion fixes, and the record is more or less
+likely with them: beforehand as likely as none, of the size that is stated (body_std), or that usual
 measurements leave. The prior of the load has grown to what such a pattern passed for, so that smaller loads
 are tried beside it. So are their rivals, a force that keeps to the body, of a spring or a dashpot at a point
 of it, of a blow beside the center or of air, those of a wheel, and an inertia of another size: what they
 explain as well tells of nothing wrong. Of a mass no motion tells, nor of the size of an inertia. Who is seen
-to have told one of the three wrong is believed in none. A mass center that a record shows beside its rivals,
-at odds that chance reaches once in a hundred, is taken there: if every part of the record shows it, which a
-blow does not, and the same, which air does not; no inertia is, as what it makes is worked out from the turn
-that is to tell of it. Source: principal equations 2.4, 2.6.
+to have told one of the three wrong is believed in none: the mass is as likely wrong as the likelier of two. A
+mass center that a record shows beside its rivals, at odds that chance reaches once in a hundred, is taken
+there: if every part of the record shows it, which a blow does not, and the same, which air does not. No
+inertia is: its mark is worked out from the turn that tells of it. Source: principal equations 2.4, 2.6.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.linalg import null_space
+from scipy.special import expit
 
 from forceid.config import BodyStdSetting
 from forceid.estimation.body.inertia import Inertia, second_moment
@@ -88,7 +89,7 @@ class Wrong:
 class Allowance(NamedTuple):
     """Growth ([time,] 6, 6) of claimed errors that allows for a body told wrong, and what is said of it.
 
-    wrong_mass: part of the mass by which it may be told wrong; center_off (3,) m, body axes: where shown.
+    wrong_mass: part of the mass by which it may be wrong (rms); center_off (3,) m, body axes: where shown.
     """
 
     growth: Array
@@ -230,10 +231,8 @@ def allow_for_told(
     best = max((one.gained for one in each), default=0.0) if believed else np.inf
     shown = [one for one in each if one.load == "force" and one.steady and CHANCE * np.exp(one.gained) > 1]
     badly = best > np.log(STRONG)
-    for one in each:
-        if told[one.load].stated:
-            continue
-        ratio = (one.off / one.claimed) ** 2 / (1 + np.exp(-(best if badly else one.gained)))
+    for one in (one for one in each if not told[one.load].stated):
+        ratio = (one.off / one.claimed) ** 2 * expit(best if badly else one.gained)
         further = np.tile(np.eye(6), (*one.axes.shape[:-2], 1, 1))
         further[..., OWN[one.load], OWN[one.load]] = one.axes * np.sqrt(1 + ratio) @ one.axes.mT
         growth = np.asarray(further @ growth)
@@ -242,7 +241,7 @@ def allow_for_told(
             amount, made = scale * float(np.linalg.norm(one.amounts)), float(np.linalg.norm(one.off))
             said.append(note(code, amount=amount, made=made, found=found_of(state, one.load), unit=unit))
     at = told["force"].held(shown[0].amounts) if shown else None
-    return Allowance(growth, SWUNG if badly else 0.0, tuple(said), at)
+    return Allowance(growth, SWUNG * float(np.sqrt(expit(best))) if told else 0.0, tuple(said), at)
 
 
 def found_of(state: FlightState, load: str) -> float:
