@@ -90,16 +90,26 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
 
 
 def estimate_shown(recording: Recording, settings: Settings) -> Estimate:
-    """The estimate of a recording as one body, its mass center where its motion shows it to be."""
+    """The estimate of a recording as one body, its mass center where its motion shows it to be.
+
+    Loads that passed for a center told wrong leave it a little beside; under what is left of them the motion
+    shows it better, until it moves no less than half as far as before: then it is no center that shows.
+    """
     result, solution = estimate_whole(recording, settings)
-    if solution is None or solution.center_off is None:
-        return result
-    told = solution.kinematics.inertia.center
-    try:
-        shown, _ = estimate_whole(*as_shown(recording, settings, told, solution.center_off))
-    except EstimationError:  # what there is claims a center told wrong
-        return result
-    return result if shown.verdict.level == "refused" else shown
+    told, last = None, np.inf
+    while solution is not None and (off := solution.center_off) is not None:
+        if not (move := length(off[None])) < last / 2:
+            break
+        now, last = solution.kinematics.inertia.center, move
+        told = now if told is None else told
+        try:
+            shown, solution = estimate_whole(*as_shown(recording, settings, told, told - now + off))
+        except EstimationError:  # what there is claims a center told wrong
+            break
+        if shown.verdict.level == "refused":
+            break
+        result = shown
+    return result
 
 
 def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, Solution | None]:

@@ -11,7 +11,7 @@ from forceid.estimation.body.deformation import as_smoothed
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors
 from forceid.estimation.instruments.strain_gauges import judge_strain_gauges
-from forceid.estimation.loads.hidden import body_told, inner_wheel, ringing_body
+from forceid.estimation.loads.hidden import body_told, inner_wheel, ringing_body, signatures
 from forceid.estimation.loads.hidden.deforming_body import motion_growth, widened_by_arms
 from forceid.estimation.loads.hidden.free_oscillation import widened_by_ringing
 from forceid.estimation.loads.hidden.left_out import hidden_load, least_band, lines_at_spin
@@ -190,17 +190,17 @@ def told_of_body(problem: Problem, channels: Mapping[str, Channel]) -> dict[str,
     kin, state, seen = problem.kin, problem.state, dict[str, Array]()
     if kin.inertia.nodal is not None or not kin.attitude:
         return seen
-    U, R = body_told.deforming_map(kin, problem.deformation.amplitude), state.rotation
+    U, R = signatures.deforming_map(kin, problem.deformation.amplitude), state.rotation
     F = R @ U
     if "force" in channels:
         time, shown = channels["force"].time, np.isin(kin.time, channels["force"].time)
         moves = R[shown], state.omega[shown], state.moment[shown], state.velocity[shown]
-        seen["force"] = body_told.by_center(time, F[shown], moves, kin.inertia.mass)
+        seen["force"] = signatures.by_center(time, F[shown], moves, kin.inertia.mass)
     if "moment" in channels:
         shown = np.isin(kin.time, channels["moment"].time)
         rate = cross_matrix(state.omega) @ F + R @ np.gradient(U, kin.time, axis=0)
         inertia = kin.inertia.tensor
-        seen["moment"] = body_told.by_inertia(channels["moment"].time, F[shown], rate[shown], inertia)
+        seen["moment"] = signatures.by_inertia(channels["moment"].time, F[shown], rate[shown], inertia)
     return seen
 
 

@@ -21,25 +21,21 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
-from scipy.linalg import null_space
 from scipy.special import expit
 
 from forceid.config import BodyStdSetting
-from forceid.estimation.body.inertia import Inertia, second_moment
-from forceid.estimation.body.kinematics import Kinematics, mapped, shape_at
+from forceid.estimation.body.inertia import Inertia
 from forceid.estimation.loads.hidden.inner_wheel import LEVERS, STRONG, TOLD, TURNING, WHEEL
 from forceid.estimation.loads.hidden.order_uncertainty import claimed_along, grown
 from forceid.estimation.loads.hidden.patterns import MOST_GAINED, likeliest_amounts, patterns_held
+from forceid.estimation.loads.hidden.signatures import balanced
 from forceid.estimation.loads.hidden.whitened import Whitened
-from forceid.estimation.verdict.body_errors import SYMMETRIC
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
 from forceid.flight.smoother import FlightState
 from forceid.records import Array, Finding
 from forceid.significance import CHANCE, SIGMAS, TENTH
 
-BALANCED = 0.01  # of the length of a body: as near its mass center is found by balancing it on an edge
 OWN = {"force": slice(0, 3), "moment": slice(3, 6)}
 SAID = {"force": ("center-told", "N", 1e3), "moment": ("inertia-told", "N m", 100.0)}  # in mm, in percent
 SWUNG = 0.02  # of moments of inertia, and the mass in them: as well they are known by swings on wires
@@ -62,6 +58,12 @@ class Suspect:
     std: float
     rivals: tuple[tuple[slice | list[int], float], ...]
     stated: bool
+
+    @property
+    def made(self) -> Array:
+        """The loads (time, 3, column) that units of all columns make, away from the edges of the record."""
+        edge = len(self.look.loads) // 8
+        return self.look.loads[edge : len(self.look.loads) - edge]
 
     def held(self, about: Array) -> Array:
         """The amounts that are likeliest where it is wrong, and by about so much."""
@@ -98,63 +100,6 @@ class Allowance(NamedTuple):
     center_off: Array | None = None
 
 
-def balanced(inertia: Inertia) -> float:
-    """How far off, m, the mass center of a body may well be told: of the length of a rod of its gyration."""
-    return BALANCED * float(np.sqrt(12)) * inertia.gyration
-
-
-def deforming_map(kin: Kinematics, amplitude: Array) -> Array:
-    """What a body carries along with its axes (time, 3, 3): its map from the mean shape where that is affine.
-
-    amplitude (time, mode): of its shapes. Of others the identity.
-    """
-    if kin.model != "affine":
-        return np.tile(np.eye(3), (len(kin.time), 1, 1))
-    return mapped(kin.shape, shape_at(kin, amplitude))
-
-
-def by_center(time: Array, F: Array, state: tuple[Array, Array, Array, Array], mass: float) -> Array:
-    """What the channel of a force (time, 3, 27) sees of a mass center told wrong, and of its rivals.
-
-    Of each unit, along axes of the body: a place in what it carries, F (time, 3, 3); a force that keeps to
-    the body, as of a spring; its rate over the spin, as of a dashpot; a force along one axis that goes with
-    the moment about another, over its size, as of a blow beside the center; and one that goes with velocity
-    along another and speed, as of air. state: rotation (time, 3, 3), spin, moment, velocity (time, 3).
-    """
-    R, omega, moment, velocity = state
-    speed = np.linalg.norm(velocity, axis=1)[:, None]
-    each = [np.einsum("tba,tb->ta", R, one) for one in (moment, velocity * speed)]
-    about = [(one / (length(one) or 1.0))[:, None, None] for one in each]
-    forces = np.concatenate([R, *((R[..., None] * one).reshape(len(R), 3, 9) for one in about)], 2)
-    once = cumulative_trapezoid(forces, time, axis=0, initial=0) / mass
-    twice = cumulative_trapezoid(once, time, axis=0, initial=0)
-    damped = once[..., :3] / max(length(omega), 1 / float(np.ptp(time)))
-    return np.concatenate([F, twice[..., :3], damped, twice[..., 3:]], 2)
-
-
-def by_inertia(time: Array, F: Array, rate: Array, inertia: Array) -> Array:
-    """What the channel of a moment (time, 3, 6) sees of an inertia told too large, by its columns of `parts`.
-
-    F, rate (time, 3, 3): of what the body carries, world axes, and its rate; inertia (3, 3) kg m2, body axes.
-    The angular momentum of a second moment E is the axial part of F E F'^T.
-    """
-    H = []
-    for wrong in parts(inertia):
-        each = F @ second_moment(wrong) @ rate.mT
-        H.append(np.stack([each[:, a, b] - each[:, b, a] for a, b in ((1, 2), (2, 0), (0, 1))], 1))
-    return np.asarray(cumulative_trapezoid(np.stack(H, -1), time, axis=0, initial=0))
-
-
-def parts(inertia: Array) -> Array:
-    """Parts (6, 3, 3) of an inertia (3, 3), all of one size beside its diagonal, the last along itself."""
-    scale, entries = np.sqrt(np.diagonal(inertia)), np.zeros((len(SYMMETRIC), 3, 3))
-    for entry, (i, j) in zip(entries, SYMMETRIC, strict=True):
-        entry[i, j] = entry[j, i] = scale[i] * scale[j]
-    own = np.array([inertia[i, j] / (scale[i] * scale[j]) for i, j in SYMMETRIC])
-    own = own[:, None] / np.linalg.norm(own)
-    return np.asarray(np.einsum("kp,kij->pij", np.concatenate([null_space(own.T), own], 1), entries))
-
-
 def told_in(
     load: str,
     look: Whitened,
@@ -184,9 +129,8 @@ def told_in(
 def wrongs(told: Mapping[str, Suspect], state: FlightState, growth: Array) -> Iterator[Wrong]:
     """What may be told wrong and would matter, of each load; growth: of claims, without it."""
     for load, one in told.items():
-        look, own, edge = one.look, OWN[load], len(one.look.loads) // 8
-        axes, loads = look.prior.axes_along(state.rotation), look.loads[edge : len(look.loads) - edge]
-        made, unseen = loads[..., one.columns], loads[..., one.size]
+        axes, own = one.look.prior.axes_along(state.rotation), OWN[load]
+        made, unseen = one.made[..., one.columns], one.made[..., one.size]
         claimed = np.sqrt(claimed_along(axes, grown(state, growth).wrench_cov[:, own, own]))
         if not SIGMAS * one.std * np.sqrt(np.mean((made**2).sum(2), axis=0) / claimed**2).max() > TENTH:
             continue
@@ -229,7 +173,6 @@ def allow_for_told(
     """
     each, said = list(wrongs(told, state, growth)), list[Finding]()
     best = max((one.gained for one in each), default=0.0) if believed else np.inf
-    shown = [one for one in each if one.load == "force" and one.steady and CHANCE * np.exp(one.gained) > 1]
     badly = best > np.log(STRONG)
     for one in (one for one in each if not told[one.load].stated):
         ratio = (one.off / one.claimed) ** 2 * expit(best if badly else one.gained)
@@ -240,8 +183,21 @@ def allow_for_told(
             code, unit, scale = SAID[one.load]
             amount, made = scale * float(np.linalg.norm(one.amounts)), float(np.linalg.norm(one.off))
             said.append(note(code, amount=amount, made=made, found=found_of(state, one.load), unit=unit))
-    at = told["force"].held(shown[0].amounts) if shown else None
-    return Allowance(growth, SWUNG * float(np.sqrt(expit(best))) if told else 0.0, tuple(said), at)
+    mass = SWUNG * float(np.sqrt(expit(best))) if told else 0.0
+    force = [center_shown(told["force"], one, believed) for one in each if one.load == "force"]
+    return Allowance(growth, mass, tuple(said), force[0] if force else None)
+
+
+def center_shown(told: Suspect, wrong: Wrong, believed: bool) -> Array | None:
+    """How far off (3,) m, body axes, the mass center is where the record shows it; None where it does not.
+
+    One that was taken where the record showed it moves on for as long as that makes more than is claimed.
+    """
+    if believed and not (wrong.steady and CHANCE * np.exp(wrong.gained) > 1):
+        return None
+    off = told.held(wrong.amounts)
+    made = np.sqrt(np.mean((told.made[..., told.columns] @ off) ** 2, axis=0))
+    return off if believed or (made > wrong.claimed).any() else None
 
 
 def found_of(state: FlightState, load: str) -> float:

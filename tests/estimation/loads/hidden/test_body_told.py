@@ -12,7 +12,7 @@ from evidence.judged import judged_part, rms
 from forceid.config import load_settings
 from forceid.errors import EstimationError
 from forceid.estimation import run
-from forceid.estimation.loads.hidden.body_told import BALANCED, by_inertia, parts
+from forceid.estimation.loads.hidden.signatures import BALANCED, by_inertia, parts
 from forceid.estimation.run import estimate_recording, estimate_whole
 from forceid.records import Body, Motion, Recording
 
@@ -63,9 +63,11 @@ def scores(off, seeds, stretch=0.0):
 def test_a_force_that_a_wrong_center_makes_is_within_its_claim():
     length = float(np.sqrt((EDGES**2).sum()))
     found = list(scores(BALANCED * length, range(24)))
-    assert max(over for over, _ in found) < 1.5
-    left = np.array([over for over, shown in found if not shown])  # the others are put right
-    assert 0.8 < np.sqrt((left**2).mean()) < 1.2
+    # three numbers, what is left of a center, err: one in a hundred times one of 24 is 2.5 claims off
+    assert max(over for over, _ in found) < 2
+    for put_right, least in ((False, 0.8), (True, 0.5)):
+        each = np.array([over for over, shown in found if shown == put_right])
+        assert least < np.sqrt((each**2).mean()) < 1.2
 
 
 @pytest.mark.long
@@ -231,3 +233,14 @@ def test_of_drawn_bodies_whose_center_is_told_wrong_the_force_errs_less_where_th
     assert len(ratios) >= 5
     assert np.median(ratios) < 0.7
     assert max(ratios) < 1.5
+
+
+@pytest.mark.long
+def test_a_center_that_is_shown_moves_on_for_as_long_as_that_matters():
+    """The load of a center 2 cm beside itself hides the last 0.2 mm of it: 8 N where there is none."""
+    drawn = drawn_record(77057, 233, (100, 1500))
+    settings = load_settings(**drawn.settings)
+    told, shown = estimate_whole(drawn.recording, settings)[0], estimate_recording(drawn.recording, settings)
+    assert rms(told.force) > 500
+    assert rms(shown.force) < 0.2
+    assert rms(shown.force) < 2 * rms(shown.force_std)
