@@ -8,10 +8,11 @@ measurements leave. The prior of the load has grown to what such a pattern passe
 are tried beside it. So are their rivals, a force that keeps to the body, of a spring or a dashpot at a point
 of it, of a blow beside the center or of air, those of a wheel, and an inertia of another size: what they
 explain as well tells of nothing wrong. Of a mass no motion tells, nor of the size of an inertia. Who is seen
-to have told one of the three wrong is believed in none: the mass is as likely wrong as the likelier of two. A
-mass center that a record shows beside its rivals, at odds that chance reaches once in a hundred, is taken
-there: if every part of the record shows it, which a blow does not, and the same, which air does not. No
-inertia is: its mark is worked out from the turn that tells of it. Source: principal equations 2.4, 2.6.
+to have told one of the three wrong is believed in none: the mass is as likely wrong as the likelier of the
+other two, where either would matter; by itself a mass is weighed. A mass center that a record shows beside
+its rivals, at odds that chance reaches once in a hundred, is taken there: if every part of the record shows
+it, which a blow does not, and the same, which air does not. No inertia is: its mark is worked out from the
+turn that tells of it. Source: principal equations 2.4, 2.6.
 """
 
 from __future__ import annotations
@@ -172,7 +173,7 @@ def allow_for_told(
     as far as that is open; who said how well he knows it has claimed that already.
     """
     each, said = list(wrongs(told, state, growth)), list[Finding]()
-    best = max((one.gained for one in each), default=0.0) if believed else np.inf
+    best = max((one.gained for one in each), default=-np.inf) if believed else np.inf
     badly = best > np.log(STRONG)
     for one in (one for one in each if not told[one.load].stated):
         ratio = (one.off / one.claimed) ** 2 * expit(best if badly else one.gained)
@@ -183,8 +184,8 @@ def allow_for_told(
             code, unit, scale = SAID[one.load]
             amount, made = scale * float(np.linalg.norm(one.amounts)), float(np.linalg.norm(one.off))
             said.append(note(code, amount=amount, made=made, found=found_of(state, one.load), unit=unit))
-    mass = SWUNG * float(np.sqrt(expit(best))) if told else 0.0
     force = [center_shown(told["force"], one, believed) for one in each if one.load == "force"]
+    mass = SWUNG * float(np.sqrt(expit(best))) if told else 0.0
     return Allowance(growth, mass, tuple(said), force[0] if force else None)
 
 
