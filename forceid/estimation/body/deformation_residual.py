@@ -14,6 +14,7 @@ import numpy as np
 from scipy.linalg import null_space
 from scipy.special import chdtri
 
+from forceid.estimation.body.deforming.resonance import ringing_gain
 from forceid.estimation.body.inertia import moments_of_whole
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.tracks.marker_errors import MarkerErrors, marker_errors
@@ -165,7 +166,8 @@ def principal_axes(y: Array, directions: Array) -> Array:
 
 
 def dynamic_gain(time: Array, q: Array, var: float, engine: Engine) -> tuple[Array, Array]:
-    """Log-likelihood of each amplitude q (time, mode) under a tuned dynamic prior over that of white noise.
+    """Log-likelihood of each amplitude q (time, mode) over that of white noise: of one that moves under a
+    tuned dynamic prior, or rings.
 
     And its mean NIS; both (mode,). var: of the noise in each amplitude.
     """
@@ -179,7 +181,7 @@ def dynamic_gain(time: Array, q: Array, var: float, engine: Engine) -> tuple[Arr
     paths = [engine.filter(models.one(j), q[:, j]) for j in range(modes)]
     white = -0.5 * np.nansum(q**2 / var + np.log(var) + LOG_2PI + 0 * q, axis=0)
     dynamic, nis = np.array([(path.log_likelihood, np.nanmean(path.nis)) for path in paths]).T
-    return dynamic - white, nis
+    return np.logaddexp(dynamic - white, ringing_gain(time, q, var)) - np.log(2), nis
 
 
 def errors_gain(beyond: Beyond, errors: MarkerErrors, engine: Engine) -> float:

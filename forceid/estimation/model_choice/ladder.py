@@ -26,6 +26,7 @@ from forceid.estimation.body.deformation_residual import (
     principal_axes,
     speaks_for_mass,
 )
+from forceid.estimation.body.deforming.resonance import ringing_gain
 from forceid.estimation.body.kinematics import Kinematics, at_level
 from forceid.estimation.body.tracks.marker_errors import MarkerErrors, marker_errors
 from forceid.estimation.loads.channels import DrivenMotion, driven_motion
@@ -54,7 +55,7 @@ from forceid.estimation.verdict.innovations import NIS_BAND
 from forceid.flight.color import LowPassed
 from forceid.kalman.engines import Engine
 from forceid.records import Body, Motion
-from forceid.significance import WORSE
+from forceid.significance import PATIENCE, WORSE
 from forceid.timing import stage
 
 CLEAR = np.sqrt(WORSE**2 - 1)  # standard errors by which a level may be off that claims no less
@@ -168,10 +169,12 @@ def rigid_fits(kin: Kinematics) -> bool:
 
 
 def quiet(beyond: Beyond, level: LevelCandidate, kin: Kinematics) -> bool:
-    """Whether the amplitudes of a level are no larger than noise."""
+    """Whether the amplitudes of a level are no larger than noise, and none rings."""
     q = beyond.y @ principal_axes(beyond.y, beyond.of(level.shapes))
     dof = q.shape[1] * beyond.frames
-    return float(np.nansum(q**2) / beyond.var / dof) < chance(dof, all(kin.stated.values()))
+    if not float(np.nansum(q**2) / beyond.var / dof) < chance(dof, all(kin.stated.values())):
+        return False
+    return bool((ringing_gain(beyond.time, q, beyond.var) < PATIENCE).all())
 
 
 def free_shapes(body: Body, kin: Kinematics) -> bool:

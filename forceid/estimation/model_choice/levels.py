@@ -191,10 +191,10 @@ def chance(dof: int, stated: bool) -> float:
 def explaining(steps: list[Step], first: int = 0) -> int:
     """The level of most evidence, from a first one on that leaves noise, where one is known.
 
-    Else, where that of most evidence is vetoed, the next above that is not, if there is one.
+    Else, where that of most evidence is vetoed, the next above that is not, if one is likelier than rigid.
     """
     best = int(np.argmax([s.evidence for s in steps]))
     if first:
         return max(best, first)
-    above = (i for i in range(best, len(steps)) if not steps[i].vetoed)
+    above = (i for i in range(best, len(steps)) if not steps[i].vetoed and steps[i].evidence >= 0)
     return next(above, best)

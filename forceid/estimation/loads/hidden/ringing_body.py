@@ -14,32 +14,23 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from forceid.estimation.body.deforming.resonance import (
+    NEXT_RING,
+    RINGING_SIZES,
+    Spectrum,
+    by_size,
+    near_resonances,
+    ordinates_of,
+)
 from forceid.estimation.loads.hidden.inner_wheel import STRONG
 from forceid.estimation.loads.hidden.left_out import least_band
 from forceid.estimation.loads.hidden.order_uncertainty import claimed_along
-from forceid.estimation.loads.hidden.whitened import FAINTEST, Whitened
+from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.color import Color
 from forceid.flight.smoother import FlightState
 from forceid.records import Array, Finding, Indices
-from forceid.significance import OUTLIER, TENTH, WORSE
-
-RING_DAMPINGS = (0.02, 0.06)  # of critical, of bodies that ring: steel in its joints, and rubber
-RINGING_SIZES = np.geomspace(TENTH, 1 / FAINTEST, 7)  # over the noise at the peak, two a decade
-NEXT_RING = 0.04  # from one frequency to the next, in logarithm: about the width of the sharper ones
-RING_WIDTHS = 6.0  # half-widths of a resonance within which it is looked at: all but a tenth of its power
-
-
-@dataclass(frozen=True)
-class Spectrum:
-    """Powers (ordinate, column) of what is white where nothing rings, each the sum of `count` columns.
-
-    noise (ordinate, column): the share of the noise in it.
-    """
-
-    power: Array
-    noise: Array
-    count: float
+from forceid.significance import OUTLIER, WORSE
 
 
 @dataclass(frozen=True)
@@ -164,7 +155,7 @@ class Resonance:
 def resonances(looks: Mapping[str, Whitened], shape: Shape | None, frequencies: Array) -> Iterator[Resonance]:
     """Resonances at some frequencies (frequency,) Hz, of each damping."""
     time = looks["force"].channel.time
-    span, ordinate = float(np.ptp(time)), ordinates_of(time)
+    ordinate = ordinates_of(time)
     spectra = {}
     for name, one in looks.items():
         noise, smooth = one.densities(ordinate)
@@ -172,15 +163,11 @@ def resonances(looks: Mapping[str, Whitened], shape: Shape | None, frequencies: 
         spectra[name] = Spectrum(power, noise / (noise + smooth), 1.0)
     if shape is not None:
         spectra["shape"] = shape_spectrum(time, shape)
-    for f in frequencies.tolist():
-        for damping in RING_DAMPINGS:
-            width = damping * f + 0.25 / span  # Hz; no line is narrower than a record shows it
-            near = np.flatnonzero(np.abs(ordinate - f) < RING_WIDTHS * width)
-            line = width**2 / (width**2 + (ordinate[near] - f) ** 2)
-            each = {name: by_size(spectrum, near, line) for name, spectrum in spectra.items()}
-            gains = {n: float(np.logaddexp.reduce(e)) - float(np.log(len(e))) for n, e in each.items()}
-            size = {n: float(np.exp(e - np.logaddexp.reduce(e)) @ RINGING_SIZES) for n, e in each.items()}
-            yield Resonance(f, gains, size, near, line)
+    for f, near, line in near_resonances(time, frequencies):
+        each = {name: by_size(spectrum, near, line).sum(1) for name, spectrum in spectra.items()}
+        gains = {n: float(np.logaddexp.reduce(e)) - float(np.log(len(e))) for n, e in each.items()}
+        size = {n: float(np.exp(e - np.logaddexp.reduce(e)) @ RINGING_SIZES) for n, e in each.items()}
+        yield Resonance(f, gains, size, near, line)
 
 
 def rung(looks: Mapping[str, Whitened], tried: Sequence[Resonance], weight: Array, shown: Array) -> Ringing:
@@ -195,18 +182,6 @@ def rung(looks: Mapping[str, Whitened], tried: Sequence[Resonance], weight: Arra
             power[name][one.near] += line[:, None] * each[one.near]
     gained, at = float(np.logaddexp.reduce(shown) - np.log(len(shown))), tried[int(shown.argmax())].frequency
     return Ringing(ordinate, noise, smooth, power, gained, at)
-
-
-def ordinates_of(time: Array) -> Array:
-    """Frequencies (ordinate,) Hz of a record, without that of its mean and the highest."""
-    return np.asarray(np.fft.rfftfreq(len(time), float(np.median(np.diff(time))))[1:-1], float)
-
-
-def by_size(spectrum: Spectrum, near: Indices, line: Array) -> Array:
-    """Log-likelihood (size,) that resonances of a shape line (near,) gain at some ordinates."""
-    ratio = 1 + RINGING_SIZES[:, None, None] * (line[:, None] * spectrum.noise[near])
-    gained = (1 - 1 / ratio) * spectrum.power[near] - spectrum.count * np.log(ratio)
-    return np.asarray(gained.sum((1, 2)))
 
 
 def shape_spectrum(time: Array, shape: Shape) -> Spectrum:
