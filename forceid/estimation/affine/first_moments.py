@@ -17,7 +17,7 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import engine
 from forceid.pseudorigid import circulation
-from forceid.records import Array, Finding
+from forceid.records import Array, Finding, Level
 
 UNCLEAR = 0.2  # of F, in a frame
 
@@ -30,7 +30,7 @@ def observed_first_moments(
     if kin.model != "affine" or solution.smoothing is None or deformation.motion_cov is None:
         return None, ()
     motion = affine_motion(kin, solution.state, deformation)
-    said = undetermined(solution, motion)
+    said = undetermined(solution, motion, settings.model == "affine")
     solid = None if kin.markers is None else solid_of(kin.markers.body)
     if solid is None:
         return motion, said
@@ -66,15 +66,18 @@ def with_stress(motion: AffineMotion, solution: Solution, solid: Solid, settings
     )  # fmt: skip
 
 
-def undetermined(solution: Solution, motion: AffineMotion) -> tuple[Finding, ...]:
+def undetermined(solution: Solution, motion: AffineMotion, asked: bool = True) -> tuple[Finding, ...]:
     """What markers and mass leave open of stretch, force and first moments; and where the markers of a frame
     hardly show F, so that nothing stands out of their noise.
+
+    asked: for the affine level. Who asked for force and moment alone misses no stretch that moves no mass.
     """
     shapes, found = motion.shapes, []
+    level: Level | None = None if asked or shapes.breadth else "ok"
     if shapes.plane:
-        found.append(note("stretch-open"))
+        found.append(note("stretch-open", level))
     elif not shapes.breadth:
-        found.append(note("stretch-without-breadth"))
+        found.append(note("stretch-without-breadth", level))
     if shapes.off:
         found.append(note("affine-force-open"))
     if not shapes.whole:

@@ -177,6 +177,17 @@ def test_flat_body_has_all_nine_first_moments_and_its_stretch_across_is_open():
     assert found.verdict.codes == ("stretch-open",)
 
 
+def test_a_stretch_that_moves_no_mass_degrades_only_what_asks_for_it():
+    """Three masses, all marked: they lie in a plane, and nothing of force and moment is open."""
+    flown = read_motion(STORED.with_name("planar_boomerang.h5"))
+    levels = {model: estimate_recording(flown, load_settings(model=model)) for model in ("auto", "affine")}
+    assert all("stretch-open" in found.verdict.codes for found in levels.values())
+    assert {name: found.verdict.level for name, found in levels.items()} == {
+        "auto": "ok",
+        "affine": "degraded",
+    }
+
+
 @pytest.mark.parametrize("turn", [EYE, TILT], ids=["along", "askew"])
 def test_markers_in_a_plane_of_a_body_with_breadth_leave_its_first_moments_open(turn):
     F, _ = swinging()
