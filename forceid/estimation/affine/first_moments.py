@@ -66,7 +66,7 @@ def with_stress(motion: AffineMotion, solution: Solution, solid: Solid, settings
     )  # fmt: skip
 
 
-def undetermined(solution: Solution, motion: AffineMotion, asked: bool = True) -> tuple[Finding, ...]:
+def undetermined(solution: Solution, motion: AffineMotion, asked: bool) -> tuple[Finding, ...]:
     """What markers and mass leave open of stretch, force and first moments; and where the markers of a frame
     hardly show F, so that nothing stands out of their noise.
 

@@ -262,11 +262,11 @@ def descend(
             return False
         if (ringing := solved(i).ringing) is not None and ringing.growth.max() > WORSE:
             return False  # it is seen to ring, and claims what it then may do: the shapes follow that
-        lines = any(prior.lines for prior in solved(i).priors.values())
-        if not lines and from_view(solved(i), top, motion.time) <= WORSE:
-            return True
-        if not lines and steps[i].change > CLEAR:
-            return False
+        if not any(prior.lines for prior in solved(i).priors.values()):
+            if from_view(solved(i), top, motion.time) <= WORSE:
+                return True
+            if steps[i].change > CLEAR:
+                return False
         # the flight found what the look did not, such as a line: whether the explaining level has it tells
         force, moment = moves(solved(i), solved(best), either=True)
         steps[i] = replace(steps[i], force_change=force, moment_change=moment)

@@ -1,6 +1,7 @@
 """Shapes that ring far below the noise of a sample, and what they would pass for."""
 
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 
 from evidence.calibration.record import drawn_record
@@ -37,6 +38,13 @@ def test_readings_that_miss_or_are_wild_do_not_ring():
     q[rng.random(q.shape) < 0.1] = np.nan
     q[rng.random(q.shape) < 2e-3] = 30.0
     assert np.median(ringing_gain(np.arange(FRAMES) / RATE, q, 1.0)) < PATIENCE
+
+
+@pytest.mark.parametrize("frames", range(2, 12))
+def test_so_short_a_record_shows_no_ringing(frames):
+    rng = np.random.default_rng(frames)
+    gain = ringing_gain(np.arange(frames) / RATE, rng.standard_normal((frames, 3)), 1.0)
+    assert (np.abs(gain) < PATIENCE).all()
 
 
 def test_a_body_that_rings_unseen_by_eye_is_not_pushed_at_its_frequencies():

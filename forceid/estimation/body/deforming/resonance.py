@@ -59,15 +59,16 @@ def by_size(spectrum: Spectrum, near: Indices, line: Array) -> Array:
 
 def ringing_gain(time: Array, q: Array, var: float) -> Array:
     """Log-likelihood (mode,) of amplitudes q (time, mode) that ring, each at a frequency of its own, over
-    that of white noise of variance var.
+    that of white noise of variance var; none where a record is too short to hold two of their periods.
     """
     ordinate = ordinates_of(time)
-    if len(ordinate) < 2 or not q.shape[1]:
+    highest = ordinate.max(initial=np.finfo(float).tiny)
+    tried = np.exp(np.arange(np.log(2 / np.ptp(time)), np.log(highest), NEXT_RING))
+    if not tried.size or not q.shape[1]:
         return np.zeros(q.shape[1])
     y = q - np.nanmean(q, axis=0)
     y = np.nan_to_num(np.clip(y, *(k * OUTLIER * np.nanstd(q, axis=0) for k in (-1, 1))))
     power = np.abs(np.fft.rfft(y, axis=0)[1:-1]) ** 2 / (var * np.isfinite(q).sum(0))
     spectrum = Spectrum(power, np.ones((len(power), 1)), 1.0)
-    tried = np.exp(np.arange(np.log(2 / np.ptp(time)), np.log(ordinate[-1]), NEXT_RING))
     each = np.concatenate([by_size(spectrum, near, line) for _, near, line in near_resonances(time, tried)])
     return np.asarray(np.logaddexp.reduce(each) - np.log(len(each)))

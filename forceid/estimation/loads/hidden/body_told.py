@@ -11,8 +11,8 @@ explain as well tells of nothing wrong. Of a mass no motion tells, nor of the si
 to have told one of the three wrong is believed in none: the mass is as likely wrong as the likelier of the
 other two, where either would matter; by itself a mass is weighed. A mass center that a record shows beside
 its rivals, at odds that chance reaches once in a hundred, is taken there: if every part of the record shows
-it, which a blow does not, and the same, which air does not. No inertia is: its mark is worked out from the
-turn that tells of it. Source: principal equations 2.4, 2.6.
+it, which a blow does not, and the same, which air does not. No inertia is: what it makes is worked out from
+the turn that tells of it. Source: principal equations 2.4, 2.6.
 """
 
 from __future__ import annotations
