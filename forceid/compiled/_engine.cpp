@@ -66,6 +66,7 @@ PYBIND11_MODULE(_engine, module) {
   def("information_pass", passes.information_pass);
   def("combine", passes.combine);
   def("log_likelihood", passes.log_likelihood);
+  def("innovations", passes.innovations);
   module.attr("lanes") = flights.lanes;
   def("turn", flights.turn);
   def("rotation_rows", flights.rotation_rows);
@@ -85,4 +86,5 @@ PYBIND11_MODULE(_engine, module) {
   def("slopes", chosen.spectra.slopes);
   def("scoring_step", chosen.spectra.scoring_step);
   def("whitened", chosen.whitening.whitened);
+  def("fixed_to_body", chosen.body_fixed.fixed);
 }

@@ -12,6 +12,7 @@
 #include "../kalman/whitening.hpp"
 #include "../flight/flight.hpp"
 #include "../flight/spectra.hpp"
+#include "../flight/body_fixed.hpp"
 #include "../motion/poses.hpp"
 #include "twofold.hpp"
 #include "../motion/kabsch.hpp"
@@ -21,4 +22,4 @@
 
 const Kernels baseline_kernels = {
     passes::table, flight::table, {folded::sums, poses::fitted, kabsch::turned, polar::polar, polar::bipolar_factors, splitting::steps},
-    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}};
+    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}, {body_fixed::fixed}};

@@ -25,6 +25,7 @@ struct Passes {
   Out (*combine)(Array P, Array later);
   Out (*log_likelihood)(Array F, Array Q, Index kind, Array H, Array R, Array u, Array x0, Array P0, Array z,
                         Mask seen, double limit, bool steady);
+  Out (*innovations)(Array F, Array Q, Array H, Array R, Array u, Array x0, Array P0, Array z, Mask seen);
 };
 
 // flight/flight.hpp
@@ -76,6 +77,11 @@ struct Spectra {
   Out (*scoring_step)(Array slope, Array bend, Array down, Array up, Array share, double ridge);
 };
 
+// flight/body_fixed.hpp
+struct BodyFixed {
+  Two (*fixed)(Array F, Array Q, Index which, Array early, Array mean, Array at, Size n);
+};
+
 struct Kernels {
   Passes passes;
   Flights flights;
@@ -84,6 +90,7 @@ struct Kernels {
   Steps steps;
   Spectra spectra;
   Whitening whitening;
+  BodyFixed body_fixed;
 };
 
 extern const Kernels baseline_kernels, v3_kernels; // v3: AVX2 with FMA

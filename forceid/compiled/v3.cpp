@@ -14,6 +14,7 @@ V3
 #include "../kalman/whitening.hpp"
 #include "../flight/flight.hpp"
 #include "../flight/spectra.hpp"
+#include "../flight/body_fixed.hpp"
 #include "../motion/poses.hpp"
 #include "twofold.hpp"
 #include "../motion/kabsch.hpp"
@@ -23,5 +24,5 @@ V3
 
 const Kernels v3_kernels = {
     passes::table, flight::table, {folded::sums, poses::fitted, kabsch::turned, polar::polar, polar::bipolar_factors, splitting::steps},
-    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}};
+    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}, {body_fixed::fixed}};
 #endif

@@ -53,7 +53,7 @@ from forceid.estimation.verdict.sensitivity import length
 from forceid.estimation.verdict.tracks import judge_mending
 from forceid.estimation.witness.witness import judge_witness, witness_of, yielding
 from forceid.kalman.engines import engine
-from forceid.records import Estimate, Recording
+from forceid.records import Body, Estimate, Recording
 from forceid.rounding import solvable
 from forceid.sections import to_toml
 from forceid.threads import threads_for
@@ -67,7 +67,7 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     A body in parts that is refused as a whole, since it deforms too much, still has its parts.
     """
     began = perf_counter()
-    with recorded() as spent, stage("rest"), threads_for(3 * len(recording.body.node)):
+    with recorded() as spent, stage("rest"), threads_for(rows_of(recording.body)):
         recording = with_stated(recording, settings)
         try:
             result = estimate_shown(without_mechanism(recording, settings), settings)
@@ -87,6 +87,11 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
         runtime_s=perf_counter() - began,
         timing=in_order(spent),
     )
+
+
+def rows_of(body: Body) -> int:
+    """Of the largest matrix that is solved: all else, however many the nodes, is done in small pieces."""
+    return max((len(a) for a in (body.mass_matrix, body.stiffness) if a is not None), default=0)
 
 
 def estimate_shown(recording: Recording, settings: Settings) -> Estimate:

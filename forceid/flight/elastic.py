@@ -8,6 +8,7 @@ same. Source: theory of one model; likelihood by Whittle (1953).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -159,13 +160,12 @@ def tune_elastic(
     part = middle(len(time), FLIGHT_SAMPLES)
 
     def best(at: Array, order: int, modes: Elastic, ratios: list[Array]) -> tuple[float, Vibration]:
-        priors = [prior_at(at, replace(modes, damping=ratio), order) for ratio in ratios]
-        values = [
-            float(engine.log_likelihood(seen_modes(time[part], rows[part], prior), observed[part]))
-            for prior in priors
-        ]
-        k = int(np.argmax(values))
-        return values[k], priors[k]
+        def value(k: int) -> tuple[float, Vibration]:
+            prior = prior_at(at, replace(modes, damping=ratios[k]), order)
+            model = seen_modes(time[part], rows[part], prior)
+            return float(engine.log_likelihood(model, observed[part])), prior
+
+        return uphill_along(value, len(ratios))
 
     one = np.ones_like(elastic.frequency)
     told = [elastic.damping] if elastic.damping is not None else [ratio * one for ratio in DAMPINGS]
@@ -181,6 +181,19 @@ def tune_elastic(
         return ElasticPrior(alone)
     brakes = answering.damping - alone.damping if elastic.damping is not None else 0.0 * one
     return ElasticPrior(answering, answering.frequency**2 - elastic.frequency**2, 2 * brakes)
+
+
+def uphill_along(value: Callable[[int], tuple[float, Vibration]], count: int) -> tuple[float, Vibration]:
+    """The largest value along a damping, on which a likelihood has one peak: uphill from the middle one."""
+    k = count // 2
+    found = value(k)
+    for side in (-1, 1):
+        moved = False
+        while 0 <= k + side < count and (other := value(k + side))[0] > found[0]:
+            k, found, moved = k + side, other, True
+        if moved:
+            break
+    return found
 
 
 def likeliest_modes(spectra: Spectra, elastic: Elastic) -> tuple[Array, int] | None:

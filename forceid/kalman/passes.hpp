@@ -844,9 +844,10 @@ struct Models {
       for (int j = 0; j <= i; ++j) P[i * N + j] += Q[i * N + j];
   }
 
-  // Returns e^2 / S; S goes out by reference.
-  Lanes update(const Lanes &z, double limit, Lanes &S) {
-    Lanes e = z, noise = r;
+  // Returns e^2 / S; e and S go out by reference.
+  Lanes update(const Lanes &z, double limit, Lanes &e, Lanes &S) {
+    Lanes noise = r;
+    e = z;
     S = r;
     std::fill(PH.begin(), PH.end(), Lanes{});
     for (const int l : reads_at) {
@@ -899,23 +900,18 @@ struct Models {
   }
 };
 
-// Log-likelihood of LANES models of one channel; logarithms of a few innovation variances at a time.
-void fleet_log_likelihood(const Along &F, const Along &Q, const Along &H, const Along &R, const Along &u,
-                          const double *x0, const double *P0, const Along &Z, const unsigned char *seen,
-                          Size T, double limit, const Size *model, double *total, int N) {
+// LANES models of one channel through a record: call(k, e, S) after every sample that is seen.
+template <typename Call>
+void through(const Along &F, const Along &Q, const Along &H, const Along &R, const Along &u, const double *x0,
+             const double *P0, const Along &Z, const unsigned char *seen, Size T, double limit, const Size *model,
+             int N, Call call) {
   Models now(N);
   const bool driven = is_driven(u);
   for (int l = 0; l < LANES; ++l) {
     for (int i = 0; i < N; ++i) now.x[i][l] = x0[model[l] * N + i];
     for (int i = 0; i < N * N; ++i) now.P[i][l] = P0[model[l] * N * N + i];
   }
-  Lanes sum = {}, product = Lanes{} + 1.0;
-  Size count = 0, pending = 0;
-  const auto settle = [&] {
-    for (int l = 0; l < LANES; ++l) sum[l] += std::log(product[l]);
-    product = Lanes{} + 1.0;
-    pending = 0;
-  };
+  bool begun = false;
   for (Size k = 0; k < T; ++k) {
     if (k > 0) {
       if (k == 1 || !F.stays(k - 1, model) || !Q.stays(k - 1, model)) now.steps(F, Q, k - 1, model);
@@ -927,16 +923,37 @@ void fleet_log_likelihood(const Along &F, const Along &Q, const Along &H, const 
       now.mirror();
       continue;
     }
-    if (count == 0 || H.time > 1) now.reads(H, k, model);
-    if (count == 0 || R.time > 1) now.r = Models::load(R, k, model, 0);
-    Lanes S;
-    sum += now.update(Models::load(Z, k, model, 0), limit, S);
-    product *= S;
-    ++count;
-    if (++pending == 4) settle(); // four variances stay far from the ends of the exponent
+    if (!begun || H.time > 1) now.reads(H, k, model);
+    if (!begun || R.time > 1) now.r = Models::load(R, k, model, 0);
+    begun = true;
+    Lanes e, S;
+    const Lanes square = now.update(Models::load(Z, k, model, 0), limit, e, S);
+    call(k, e, S, square);
   }
-  settle();
-  for (int l = 0; l < LANES; ++l) total[model[l]] = -0.5 * (sum[l] + count * LOG_2PI);
+}
+
+// call(model) with LANES of so many models at a time; the last of them again where they are no multiple.
+template <typename Call> void in_fleets(Size models, Call call) {
+  for (Size first = 0; first < models; first += LANES) {
+    Size model[LANES];
+    for (int l = 0; l < LANES; ++l) model[l] = std::min(first + l, models - 1);
+    call(model);
+  }
+}
+
+// Whitened innovations (time, model) of many models of one channel each; NaN where nothing is seen.
+Out innovations(Array F_, Array Q_, Array H_, Array R_, Array u_, Array x0, Array P0, Array z_, Mask seen) {
+  const Along F(F_), Q(Q_), H(H_), R(R_), u(u_), Z(z_);
+  const Size T = z_.shape(0), models = x0.shape(0);
+  Out white({T, models});
+  std::fill(white.data(), white.data() + T * models, std::numeric_limits<double>::quiet_NaN());
+  in_fleets(models, [&](const Size *model) {
+    through(F, Q, H, R, u, x0.data(), P0.data(), Z, seen.data(), T, std::numeric_limits<double>::infinity(), model,
+            static_cast<int>(x0.shape(1)), [&](Size k, const Lanes &e, const Lanes &S, const Lanes &) {
+              for (int l = 0; l < LANES; ++l) white.data()[k * models + model[l]] = e[l] / std::sqrt(S[l]);
+            });
+  });
+  return white;
 }
 
 // Log-likelihood of each of many models (model,); NaN where an innovation covariance loses its sign.
@@ -950,11 +967,22 @@ Out log_likelihood(Array F_, Array Q_, Index kind, Array H_, Array R_, Array u_,
   double *total = total_.data();
   if (m == 1) {
     if (models >= 4) {
-      for (Size first = 0; first < models; first += LANES) {
-        Size model[LANES];
-        for (int l = 0; l < LANES; ++l) model[l] = std::min(first + l, models - 1);
-        fleet_log_likelihood(F, Q, H, R, u, x0.data(), P0.data(), Z, seen_.data(), T, limit, model, total, n);
-      }
+      in_fleets(models, [&](const Size *model) {
+        Lanes sum = {}, product = Lanes{} + 1.0;
+        Size count = 0;
+        const auto settle = [&] { // logarithms of a few innovation variances at a time
+          for (int l = 0; l < LANES; ++l) sum[l] += std::log(product[l]);
+          product = Lanes{} + 1.0;
+        };
+        through(F, Q, H, R, u, x0.data(), P0.data(), Z, seen_.data(), T, limit, model, n,
+                [&](Size, const Lanes &, const Lanes &S, const Lanes &square) {
+                  sum += square;
+                  product *= S;
+                  if (++count % 4 == 0) settle(); // four variances stay far from the ends of the exponent
+                });
+        settle();
+        for (int l = 0; l < LANES; ++l) total[model[l]] = -0.5 * (sum[l] + count * LOG_2PI);
+      });
       return total_;
     }
   }
@@ -1101,7 +1129,7 @@ Out likelihoods(Array F, Array Q, Index kind, Array H, Array R, Array u, Array x
   });
 }
 
-constexpr Passes table = {covariances, means, smoothed, information, combined, likelihoods};
+constexpr Passes table = {covariances, means, smoothed, information, combined, likelihoods, innovations};
 
 } // namespace passes
 } // namespace

@@ -169,7 +169,9 @@ def fit_frames(
         seen = np.repeat(pattern, 3)
 
         def left(at: Indices = at, pattern: Flags = pattern) -> Array:
-            return (body_axes(position[at], center[at], R[at]) - shape)[:, pattern].reshape(len(at), -1)
+            beside = body_axes(position[at], center[at], R[at])
+            beside -= shape
+            return (beside if pattern.all() else beside[:, pattern]).reshape(len(at), -1)
 
         d = left() @ K.T
         center[at] += np.einsum("tab,tb->ta", R[at], d[:, :3])

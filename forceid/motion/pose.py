@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from forceid.compiled import engine as compiled
 from forceid.motion.reading_cov import ReadingCov
 from forceid.principal import summation_operator
-from forceid.records import Array, Flags, Indices
+from forceid.records import Array, Flags, Indices, all_finite
 from forceid.rounding import ITERATIONS, SINGLE
 from forceid.significance import THOUSANDTH
 
@@ -43,7 +43,7 @@ def fit_rotation(position: Array, shape: Array, weight: Array) -> tuple[Array, A
 
 def fit_rotation_in_numpy(position: Array, shape: Array, weight: Array) -> tuple[Array, Array]:
     """`fit_rotation`, of all frames at once."""
-    w = np.where(np.isfinite(position).all(2), weight, 0.0)
+    w = np.where(all_finite(position), weight, 0.0)
     x = np.where(w[..., None] > 0, position, 0.0)
     total = np.maximum(w.sum(1), 1e-300)[:, None]
     weighed = (w[..., None] * x).mT
@@ -78,7 +78,7 @@ def seen_together(position: Array) -> tuple[Flags, Indices]:
     """Sets of markers (pattern, node) that frames see, and which of them each frame does, (time,)."""
     if np.isfinite(position).all():
         return np.ones((1, position.shape[1]), bool), np.zeros(len(position), np.intp)
-    seen = np.asarray(np.isfinite(position).all(2))
+    seen = all_finite(position)
     packed = np.packbits(seen, axis=1)
     keys = np.ascontiguousarray(packed).view(np.dtype((np.void, packed.shape[1]))).ravel()
     _, first, which = np.unique(keys, return_index=True, return_inverse=True)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from forceid.errors import DataError, EstimationError
 from forceid.principal.operator import axis_count, cross_matrix, sum_nodal
 from forceid.principal.wrench import transport
-from forceid.records import Array, Loads
+from forceid.records import Array, Loads, all_finite
 
 
 def distribute(
@@ -116,7 +116,7 @@ def solve_loads(
             "and (..., 6, load), or 3 or more for 6",
             "wrench",
         )
-    known = np.isfinite(g).all(-1) & np.isfinite(C).all((-2, -1)) & np.isfinite(G).all((-2, -1))
+    known = all_finite(g) & np.isfinite(C).all((-2, -1)) & np.isfinite(G).all((-2, -1))
     G = np.where(np.isfinite(G).all((-2, -1), keepdims=True), G, 0.0)
     root = cholesky_root(C, "wrench_cov")
 

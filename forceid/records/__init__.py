@@ -3,7 +3,7 @@
 Shapes are written with the dimension names of the motion file. A wrench is ordered force, then moment.
 """
 
-from forceid.records.arrays import AXES, Array, Claims, Flags, Indices, deviation
+from forceid.records.arrays import AXES, Array, Claims, Flags, Indices, all_finite, deviation
 from forceid.records.estimate import Aero, Estimate, Flown, Witness
 from forceid.records.live import Frame, LiveWrench
 from forceid.records.loads import Feet, HiddenLoad, Impulses, Interface, Loads, ModalForces
@@ -24,5 +24,5 @@ __all__ = [
     "ABOUT", "AXES", "SENSED", "SENSOR", "Aero", "Array", "Body", "Claims", "Estimate", "Feet", "Finding",
     "Flags", "Flown", "Frame", "HiddenLoad", "Impulses", "Indices", "Interface", "KnownLoads", "KnownPart",
     "Level", "LiveWrench", "Loads", "ModalForces", "Motion", "Reading", "Recording", "Variable", "Verdict",
-    "Witness", "deviation",
+    "Witness", "all_finite", "deviation",
 ]  # fmt: skip

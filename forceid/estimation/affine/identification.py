@@ -19,7 +19,7 @@ from forceid.estimation.affine.free_flight import LAWS, UNKNOWN, FreeBody
 from forceid.estimation.body.affine_fit import fit_affine
 from forceid.estimation.body.inertia import inertia_of, second_moment
 from forceid.estimation.body.markers import marker_noise
-from forceid.records import Array, Body, Motion
+from forceid.records import Array, Body, Motion, all_finite
 from forceid.rounding import ITERATIONS
 
 FIRST_FRAMES = 8  # frames of the first horizon: 72 numbers for the 21 unknown
@@ -99,7 +99,7 @@ def frames_of(body: Body, motion: Motion, stated: float | None) -> Frames:
     if fit.plane:
         raise DataError("lie in a plane", "/body/position", "mark a point off it: stretch across is not seen")
     left = x - fit.center[:, None] - np.einsum("tab,nb->tna", fit.F, X)
-    count = np.isfinite(left).all(2).sum(1)
+    count = all_finite(left).sum(1)
     dof = int(3 * (count[count > 4] - 4).sum())
     dof = dof if dof >= MEASURED else 0
     within = float(np.sqrt(np.nansum(left**2) / max(dof, 1)))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from forceid.motion import seen_together
-from forceid.records import Array, Body, Motion
+from forceid.records import Array, Body, Motion, all_finite
 
 FLAT = 1e-4  # of the size of a marker set: thinner than that it is plane, or a line
 
@@ -83,7 +83,7 @@ def shows_affine(body: Body, motion: Motion) -> bool:
     """Whether the markers that are ever seen fix an affine map, off a plane."""
     if motion.position is None or body.position is None:
         return False
-    ever = np.isfinite(motion.position).all(2).any(0)
+    ever = all_finite(motion.position).any(0)
     return bool(ever.sum() > 3 and spanned_directions(body.position[ever])[0].shape[1] == 3)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from forceid.config import Settings
-from forceid.estimation.body.deformation_residual import Beyond, beyond_rigid, looks
+from forceid.estimation.body.deformation_residual import Beyond, beside, beyond_rigid, looks
 from forceid.estimation.body.deforming.strains import strain_shapes
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.body.mass_center import tracked_mass_center, with_center, without_gaps
@@ -18,7 +18,8 @@ from forceid.flight.color import LowPassed
 from forceid.flight.model import Flight
 from forceid.flight.smoother import FlightState
 from forceid.kalman.tuning.robust import drop_wild, unswap
-from forceid.records import Array, Body, Flags, Motion
+from forceid.records import Array, Body, Flags, Motion, all_finite
+from forceid.rounding import SINGLE
 from forceid.significance import SIGMAS
 from forceid.timing import stage
 
@@ -101,7 +102,7 @@ def cleaned(body: Body, motion: Motion, kin: Kinematics | None = None) -> tuple[
     if off.any():
         position = np.where(off[..., None], np.nan, position)
         by_marker = {body.node[k]: int(off[:, k].sum()) for k in np.argsort(-off.sum(0)) if off[:, k].any()}
-        seen, first = int(np.isfinite(motion.position).all(2).sum()), motion.time[off.any(1).argmax()]
+        seen, first = int(all_finite(motion.position).sum()), motion.time[off.any(1).argmax()]
         mended = replace(mended, spikes=by_marker, spikes_s=float(first), readings=seen)
     changed = traded or mended.stuck or off.any()
     return (replace(motion, position=position), mended) if changed else (motion, mended)
@@ -109,13 +110,13 @@ def cleaned(body: Body, motion: Motion, kin: Kinematics | None = None) -> tuple[
 
 def beside_strains(shown: Beyond, kin: Kinematics) -> Beyond:
     """What markers do beside strains of the whole body, where it strains faster than a spike would show."""
-    rest = shown.without(strain_shapes(kin.shape, np.eye(3)))
-    both, beside = (np.square(np.diff(one.y, 2, axis=0)) for one in (shown, rest))
-    strains = shown.y.shape[1] - rest.y.shape[1]
-    if not strains or not rest.y.shape[1] or not np.isfinite(both).any():
+    strains = strain_shapes(kin.shape, np.eye(3))
+    within = beside(shown.of(strains).T, SINGLE)[0]
+    both, strained = (float(np.nansum(np.diff(y, 2, axis=0) ** 2)) for y in (shown.y, shown.y @ within))
+    count, rest = within.shape[1], len(within) - within.shape[1]
+    if not count or not rest or not strained > SIGMAS**2 * count / rest * max(both - strained, 0.0):
         return shown
-    strained = (np.nansum(both) - np.nansum(beside)) / strains
-    return rest if strained > SIGMAS**2 * np.nansum(beside) / rest.y.shape[1] else shown
+    return shown.without(strains)
 
 
 def without_wild_rates(motion: Motion) -> tuple[Motion, Mended]:

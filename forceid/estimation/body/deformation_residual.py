@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import null_space
+from scipy.linalg import qr
 from scipy.special import chdtri
 
 from forceid.estimation.body.deforming.resonance import ringing_gain
@@ -26,7 +26,7 @@ from forceid.kalman.engines import Engine
 from forceid.kalman.model import LOG_2PI
 from forceid.motion import body_axes, fit_rotation
 from forceid.principal import summation_operator
-from forceid.records import Array, Flags, Motion
+from forceid.records import Array, Flags, Motion, all_finite
 from forceid.rounding import SINGLE, SOLVED
 from forceid.significance import CHANCE, LAGS, SIGMAS
 
@@ -68,8 +68,23 @@ class Beyond:
 
     def without(self, shapes: Array) -> Beyond:
         """What no motion in shapes (mode, node, 3) explains either."""
-        free = null_space(self.of(shapes), rcond=SINGLE)
+        free = beside(self.of(shapes).T, SINGLE)[1]
         return replace(self, y=self.y @ free, basis=self.basis @ free)
+
+
+def beside(columns: Array, least: float) -> tuple[Array, Array]:
+    """Orthonormal bases (n, rank) of what columns (n, few) span, and (n, n - rank) of all beside it.
+
+    least: singular values, over the largest, that count. By as many reflections as there are columns.
+
+    >>> [basis.shape for basis in beside(np.array([[1.0, 2.0], [1.0, 2.0], [0.0, 0.0]]), 1e-9)]
+    [(3, 1), (3, 2)]
+    """
+    axes, size, _ = np.linalg.svd(columns, full_matrices=False)
+    within = axes[:, size > least * size.max(initial=0.0)]
+    if not within.shape[1]:
+        return within, np.eye(len(columns))
+    return within, qr(within)[0][:, within.shape[1] :]
 
 
 def looks(seen: Flags) -> list[Flags]:
@@ -87,7 +102,7 @@ def looks(seen: Flags) -> list[Flags]:
 def often_seen(position: Array, seen: Flags) -> Flags:
     """Markers (node,) that at least half of the frames show together: the least seen go first."""
     at = np.flatnonzero(seen)
-    visible: Flags = np.asarray(np.isfinite(position[:, at]).all(2))
+    visible: Flags = all_finite(position[:, at])
     while len(at) > 3 and 2 * visible.all(1).sum() < len(visible):
         least = visible.mean(0).argmin()
         at, visible = np.delete(at, least), np.delete(visible, least, 1)
@@ -106,9 +121,7 @@ def beyond_rigid(time: Array, position: Array, kin: Kinematics, group: Flags | N
         weight = kept.astype(float)
     x, shape = position[:, kept], kin.shape[kept]
     residual = body_axes(x, *fit_rotation(x, shape, weight[kept])) - shape
-    S = summation_operator(shape)
-    left, size, _ = np.linalg.svd(S, full_matrices=True)
-    U = left[:, int((size > SOLVED * size[0]).sum()) :]
+    U = beside(summation_operator(shape), SOLVED)[1]
     return Beyond(time, residual.reshape(len(x), -1) @ U, U, kept, kin.noise["position"] ** 2)
 
 
@@ -136,14 +149,16 @@ def by_axis(kin: Kinematics, seen: Beyond, errors: MarkerErrors) -> Array:
     """
     known = np.isfinite(seen.y).all(1) & np.isfinite(kin.pose.rotation).all((1, 2))
     R = kin.pose.rotation[known]
-    beyond = np.einsum("fni,tf,tai->tna", seen.basis.T.reshape(-1, seen.kept.sum(), 3), seen.y[known], R)
     if not len(R):
         return np.full(3, errors.std)
-    power, M = (beyond**2).mean(0).sum(0), np.zeros((3, 3))
-    projector = (seen.basis @ seen.basis.T).reshape(seen.kept.sum(), 3, seen.kept.sum(), 3)
-    some = np.linspace(0, len(R) - 1, TURNS).astype(int)
-    for turn in R[some]:
-        M += (np.einsum("ai,nimj,bj->namb", turn, projector, turn) ** 2).sum((0, 2)) / TURNS
+    nodes = int(seen.kept.sum())
+    beyond = (seen.y[known] @ seen.basis.T).reshape(len(R), nodes, 3) @ R.mT
+    power = (beyond**2).mean(0).sum(0)
+    blocks = (seen.basis @ seen.basis.T).reshape(nodes, 3, nodes, 3).swapaxes(1, 2).reshape(-1, 9)
+    square, M = blocks.T @ blocks, np.zeros((3, 3))
+    for turn in R[np.linspace(0, len(R) - 1, TURNS).astype(int)]:
+        turned = np.kron(turn, turn)  # blocks in world axes; their mean squares by the pair of axes
+        M += np.einsum("pi,ij,pj->p", turned, square, turned, optimize=True).reshape(3, 3) / TURNS
     if np.linalg.cond(M) * errors.relative > KNOWN:
         return np.full(3, errors.std)
     var = np.maximum(np.linalg.solve(M, power), (NO_AXIS * errors.std) ** 2)

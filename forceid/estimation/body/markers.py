@@ -24,7 +24,7 @@ from forceid.estimation.body.thin_mass import observed_rank, thinned
 from forceid.estimation.body.tracks.noise_axes import floored, rms_noise
 from forceid.motion import ReadingCov, body_axes, fit_rotation, noise_variance, pose_rank
 from forceid.principal import summation_operator
-from forceid.records import Array, Body, Flags, KnownPart, Motion
+from forceid.records import Array, Body, Flags, KnownPart, Motion, all_finite
 from forceid.significance import WILD
 
 ROUNDOFF = float(np.finfo(np.float32).eps)  # of the size of the motion: noise below this is not believed
@@ -96,13 +96,13 @@ def markers_of(body: Body, motion: Motion, noise: dict[str, Array], stated: bool
     assert body.position is not None
     X = body.position - inertia.center
     check_scale(x, X)
-    seen = np.any(np.isfinite(x).all(2), axis=0)
+    seen = np.any(all_finite(x), axis=0)
     filled = np.zeros(x.shape[:2]) if motion.bridged is None else np.nan_to_num(motion.bridged)
     measured = np.where(filled[..., None] > 0, np.nan, x) if filled.any() else x
     # the better half of the frames tells the shapes: where half of them are whole, no bridge does
     best = (filled.sum(1) <= np.median(filled.sum(1)))[:, None, None]
     root = noise["position"] if "position" in noise else marker_noise(motion.time, measured) * np.eye(3)
-    root = floored(root, ROUNDOFF * float(np.ptp(x[np.isfinite(x).all(2)], axis=0).max(initial=0.0)))
+    root = floored(root, ROUNDOFF * span_of(x))
     sigma, thin = rms_noise(root), thinned(inertia, X)
     mean = tracked_mass_center(motion, inertia, sigma**2)
     massive = seen & (inertia.weight > 0)
@@ -122,9 +122,15 @@ def markers_of(body: Body, motion: Motion, noise: dict[str, Array], stated: bool
     )  # fmt: skip
 
 
+def span_of(x: Array) -> float:
+    """How far (m) readings (time, node, 3) reach along the axis along which they reach farthest."""
+    known = x.reshape(-1, 3) if np.isfinite(x).all() else x[all_finite(x)]
+    return max((float(np.ptp(along)) for along in known.T if len(along)), default=0.0)
+
+
 def marker_noise(time: Array, x: Array) -> float:
     """Standard deviation (m) that high-order differences show, from the markers that are seen most."""
-    frames = np.isfinite(x).all(2).sum(0)
+    frames = all_finite(x).sum(0)
     return float(np.sqrt(noise_variance(time, x[:, frames >= frames.max()].reshape(len(x), -1))))
 
 
@@ -133,7 +139,7 @@ def check_scale(x: Array, X: Array) -> None:
 
     A body may bend and stretch; three times its size is a unit that is not what it says.
     """
-    seen: Flags = np.asarray(np.isfinite(x).all(2))
+    seen: Flags = all_finite(x)
     moving = gyration_radius(x, seen)
     still = gyration_radius(np.broadcast_to(X, x.shape)[: 1 if seen.all() else None], seen)
     both = (moving > 0) & (still > 0)
@@ -178,7 +184,7 @@ def spinning_shape(
     bridged (node,) m2: mean error variance of what bridges gaps, whose errors follow each other.
     """
     shape = mean_shape(x, X, weight)
-    frames = np.isfinite(x).all(2).sum(0)
+    frames = all_finite(x).sum(0)
     error = np.sqrt(sigma**2 / frames.clip(1) + bridged)
     if not (np.abs(shape - X).max(1) > WILD * error).any():
         return X

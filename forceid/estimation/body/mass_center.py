@@ -13,7 +13,7 @@ from forceid.estimation.body.affine_fit import fit_affine
 from forceid.estimation.body.inertia import Inertia, inertia_of
 from forceid.estimation.body.tracks.bridging import bridged
 from forceid.motion import Frames, Pose
-from forceid.records import Array, Body, Flags, Motion
+from forceid.records import Array, Body, Flags, Motion, all_finite
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class MassCenter:
 def carriers(inertia: Inertia, position: Array) -> Flags | None:
     """Nodes (node,) that carry all the mass, or None where tracks (time, node, 3) never show one of them."""
     massive = inertia.weight != 0
-    observed = np.any(np.isfinite(position).all(2), axis=0)
+    observed = np.any(all_finite(position), axis=0)
     return massive if inertia.nodal is not None and massive.any() and observed[massive].all() else None
 
 
@@ -108,7 +108,7 @@ def center_of_mass(position: Array, shape: Array, weight: Array, noise_var: floa
     The mass-weighted mean where every node with weight is seen; else, for a rigid body, the combination
     of markers whose affine span holds the mass center, the origin of `shape` (node, 3).
     """
-    seen = np.isfinite(position).all(2)
+    seen = all_finite(position)
     center, var = np.full((len(position), 3), np.nan), np.full(len(position), np.nan)
     patterns, which = np.unique(seen, axis=0, return_inverse=True)
     for i, pattern in enumerate(patterns):

@@ -20,7 +20,7 @@ from forceid.estimation.body.tracks.marker_errors import COLORS, MEMORIES, SPECT
 from forceid.flight.color import Color
 from forceid.motion import fit_rotation
 from forceid.principal import cross_matrix
-from forceid.records import Array, Body, Flags, Indices, Motion
+from forceid.records import Array, Body, Flags, Indices, Motion, all_finite
 from forceid.significance import TENTH
 
 NEARLY_NONE = np.geomspace(TENTH**4, 1.0, 17)  # white shares of the variance: smoothed tracks have none
@@ -77,7 +77,7 @@ def segment_noise(body: Body, time: Array, poses: SegmentPoses) -> SegmentNoise 
 
 def bridged_gaps(time: Array, gaps: Array) -> Array | None:
     """Gaps (time, joint, 3) about their means, straight across frames that do not show one; None for none."""
-    seen: Flags = np.asarray(np.isfinite(gaps).all(2))
+    seen: Flags = all_finite(gaps)
     shown = seen.mean(0) > 0.5
     if not shown.any():
         return None
@@ -191,7 +191,7 @@ def segment_poses(body: Body, motion: Motion) -> SegmentPoses:
     for k, of in enumerate(segment):
         own = owner == of
         center, R = fit_rotation(tracks[:, own], shape[own], np.ones(int(own.sum())))
-        seen = np.isfinite(tracks[:, own]).all(2).sum(1) >= FIXED_BY
+        seen = all_finite(tracks[:, own]).sum(1) >= FIXED_BY
         rotation[seen, k], origin[seen, k] = R[seen], center[seen]
     return SegmentPoses(segment, rotation, origin)
 

@@ -19,7 +19,7 @@ from forceid.estimation.body.inertia import Inertia, second_moment
 from forceid.estimation.body.spin import Spin, directions, spin_about, spun, without_spin
 from forceid.flight.smoother import FlightState
 from forceid.motion import Pose, body_axes
-from forceid.records import Array, Flags
+from forceid.records import Array, Flags, all_finite
 from forceid.rounding import ROUNDED, SINGLE
 from forceid.significance import SIGMAS
 
@@ -121,7 +121,7 @@ def followed_line(
     if turned.any() or position is None:
         return replace(pose, rotation=rotation, cov=cov), spin
     residual = body_axes(position, pose.center, rotation) - X
-    dof = np.maximum(3.0 * np.isfinite(residual).all(2).sum(1) - 5, 0.0)
+    dof = np.maximum(3.0 * all_finite(residual).sum(1) - 5, 0.0)
     chi_square = np.where(dof > 0, np.nansum(residual**2, axis=(1, 2)) / noise_std**2, np.nan)
     return replace(pose, rotation=rotation, cov=cov, residual=residual, chi_square=chi_square, dof=dof), None
 

@@ -17,7 +17,7 @@ from forceid.estimation.joints.link_loads import LinkLoad, load_steps
 from forceid.estimation.joints.linked_flight import OWN, LinkedFlight, LinkedPart
 from forceid.kalman.building.process import block_diagonal
 from forceid.kalman.model import StateSpace
-from forceid.records import Array
+from forceid.records import Array, all_finite
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def with_constraints(
     held[..., constants] += tied.offset[run]
     held[..., bent] += bending.rows
     slack, gap = tied.slack[run], tied.gap[run]
-    used = np.isfinite(held).all(2) & np.isfinite(slack) & np.isfinite(gap)
+    used = all_finite(held) & np.isfinite(slack) & np.isfinite(gap)
     H[:, low:] = np.where(used[..., None], held, 0.0)
     R = block_diagonal(*(m.R for m in each), np.where(used, slack, 1.0)[:, :, None] * np.eye(gap.shape[1]))
     u = np.zeros((count - 1, size))

@@ -14,7 +14,7 @@ from forceid.estimation.body.inertia import inertia_of
 from forceid.motion import pose_rank
 from forceid.partition.coupling.resultants import GROUND
 from forceid.principal import summation_operator
-from forceid.records import Array, Body, Indices, Motion, Recording
+from forceid.records import Array, Body, Indices, Motion, Recording, all_finite
 from forceid.rounding import SOLVED
 
 
@@ -94,7 +94,7 @@ def part_of(setting: PartSetting, nodes: Indices, recording: Recording) -> Part:
     assert motion.position is not None
     assert body.position is not None
     x, X = motion.position[:, nodes], body.position[nodes]
-    seen = np.isfinite(x).all(2).any(0)
+    seen = all_finite(x).any(0)
     if seen.sum() < 3 or pose_rank(summation_operator(X[seen])) < 6:
         how = "on a line" if seen.sum() > 2 else "seen"
         raise ConfigError(

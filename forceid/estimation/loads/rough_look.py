@@ -15,7 +15,7 @@ from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import LoadPrior, Tuned
 from forceid.flight.tuning import MIDDLE
 from forceid.motion import apply
-from forceid.records import Array
+from forceid.records import Array, all_finite
 
 RESOLVED = 0.1  # of a load: error at which it counts as followed
 RATE = 20.0  # 1/s: where the search for the rate begins
@@ -75,11 +75,11 @@ def sensed_bandwidths(flight: Flight, resolved: float) -> tuple[float | None, fl
     kinds, gains = (ACCELEROMETER, GYRO), (flight.mass, inertia)
     for one, prior, gain in zip(kinds, rough_priors(flight), gains, strict=True):
         read = sensors.of(one)
-        count = 0 if read is None else int(np.isfinite(read).all(2).any(0).sum())
+        count = 0 if read is None else int(all_finite(read).any(0).sum())
         if read is None or not count:
             found.append(None)
             continue
-        share = np.isfinite(read).all(2).mean()  # of the samples at which one of them reads
+        share = all_finite(read).mean()  # of the samples at which one of them reads
         noise = gain * float(sensors.noise_std[sensors.instruments.index(one)].mean()) / np.sqrt(count)
         raw = noise / step if one is GYRO else noise * np.sqrt(count)  # of the rough look itself
         power = float(prior.kernel.std.max()) ** 2 - raw**2
@@ -112,7 +112,7 @@ def rough_priors(flight: Flight, slow: bool = False) -> tuple[LoadPrior, LoadPri
         swept = np.cross(alpha[:, None], sensors.position)
         swept = swept + np.cross(omega[:, None], np.cross(omega[:, None], sensors.position))
         f = pulled - swept
-        F = flight.mass * f[np.isfinite(f).all(2)]
+        F = flight.mass * f[all_finite(f)]
     once = np.pi / span
     rate = once if slow else max(RATE, once)
     return prior(F, 0.0, span, rate), prior(T, float(np.abs(H).max()), span, rate)

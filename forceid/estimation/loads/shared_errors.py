@@ -22,9 +22,9 @@ from forceid.records import Array
 from forceid.significance import NUMBER, PATIENCE
 
 SHARES_TRIED = 6  # sizes, and rates, of the first grid
-CLOSER_BY = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])  # of a step, about the best, in a grid that is closer
+CLOSER_BY = np.array([-1.0, 0.0, 1.0])  # of a step, about the best, in a grid of half the steps
 SMALLER = np.geomspace(1.0, 0.1, 9)  # shares of the likeliest size, a third of an octave apart
-ROUNDS = 4  # grids: the last has steps of a quarter of the first one, in logarithm
+ROUNDS = 4  # grids: the last has steps of an eighth of the first one, in logarithm
 SHARED_SIZES = (0.1, 300.0)  # variance over that of the mass center by its markers alone, from hardly seen on
 RAISED = 1.02  # factor on the noise of the mass center that 1e3 samples tell from one
 
@@ -62,8 +62,7 @@ def shared_errors(channel: Channel, engine: Engine) -> SharedErrors | None:
             if found < without + PATIENCE + 2 * NUMBER:
                 return None
             sight = seen_alone(channel, axes, engine, best) or sight
-        else:
-            closer = closer**0.5
+        closer = closer**0.5
         sizes, rates = (at * by**CLOSER_BY for at, by in zip((best.std**2, best.rate), closer, strict=True))
     fast, least = best.std**2 * best.rate, best  # what is fast of them is what the record fixes
     for std in best.std * SMALLER:  # slow errors that the record does not ask for stay loads

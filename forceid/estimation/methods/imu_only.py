@@ -41,7 +41,7 @@ from forceid.flight.path.settling import SETTLED
 from forceid.flight.smoother import FlightState
 from forceid.kalman.engines import Engine
 from forceid.motion import Pose
-from forceid.records import Array, Body, Finding, Motion
+from forceid.records import Array, Body, Finding, Motion, all_finite
 from forceid.rounding import SOLVED
 from forceid.significance import SIGMAS, TENTH
 from forceid.timing import stage
@@ -57,7 +57,7 @@ def is_unmarked(motion: Motion) -> bool:
 def reads_turn(motion: Motion) -> bool:
     """Whether a gyro reads all three axes at once."""
     rate = motion.angular_velocity
-    return rate is not None and bool(np.isfinite(rate).all(2).any())
+    return rate is not None and bool(all_finite(rate).any())
 
 
 def judge_unmarked(body: Body, motion: Motion, settings: Settings) -> list[Finding]:

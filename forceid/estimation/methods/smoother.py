@@ -168,7 +168,7 @@ def estimate_flight(
     problem = choose_axes(apart)
     # a load that turns with the body holds harmonics of the spin; one that does not may have lines there
     still = [load for load, prior in problem.priors.items() if prior.body_axes is None]
-    if (again := beside_lines(apart, still)) is not apart:
+    if still and (again := beside_lines(apart, still)) is not apart:
         problem = choose_axes(again)
     with stage("flight"):
         problem = problem.claimed()

@@ -79,7 +79,8 @@ def choose_level(
         return without_choice("rigid", "a mean motion shows no deformation"), solve(rigid, kin, None)
 
     def without_shapes(reason: str) -> tuple[LevelChoice, Solution]:
-        return without_choice("rigid", reason), solve(rigid, at_level(markers, rigid), None)
+        seen = at_level(markers, rigid) if kin.deforms else kin
+        return without_choice("rigid", reason), solve(rigid, seen, None)
 
     if settings.modes == 0:
         return without_shapes("no modes are asked for")

@@ -17,7 +17,7 @@ from forceid.estimation.verdict.turns import told_by_moment
 from forceid.flight.instruments import INSTRUMENTS
 from forceid.kalman.tuning.robust import runs
 from forceid.motion import largest_turn, noise_growth
-from forceid.records import Finding, Level, Motion, Verdict
+from forceid.records import Finding, Level, Motion, Verdict, all_finite
 
 GROWTH = 2.0  # of the noise seen, from every frame to every second one; white noise keeps its size
 FEW = 20  # frames below which nothing is told apart: no level of deformation, no band of a spectrum
@@ -74,7 +74,7 @@ def reads_turn(kin: Kinematics, motion: Motion) -> bool:
     between = ~np.isfinite(kin.pose.rotation).all((1, 2))
     rate, nothing = motion.angular_velocity, np.zeros(0)
     standing = [motion.readings.get(one.name, nothing) for one in INSTRUMENTS if not one.tells]
-    return (rate is not None and bool(np.isfinite(rate).all(2).any())) or any(
+    return (rate is not None and bool(all_finite(rate).any())) or any(
         len(read) > 0 and bool(np.isfinite(read[between]).any()) for read in standing
     )
 

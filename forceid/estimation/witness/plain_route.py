@@ -23,7 +23,7 @@ from forceid.estimation.loads.plain_cut import shows_motion, spectrum_of
 from forceid.estimation.verdict.finding import FEW, SCATTERED
 from forceid.motion import body_axes, fit_rotation, pose_rank, seen_together
 from forceid.principal import axial, summation_operator
-from forceid.records import Array, Body, Flags, Indices, Motion
+from forceid.records import Array, Body, Flags, Indices, Motion, all_finite
 from forceid.rounding import SOLVED
 
 LOUDER = 4.0  # in variance: what a mass center that deformation leaves alone may cost beside a rigid one
@@ -81,7 +81,7 @@ def of_markers(
     inside ([time,] 3): angular momentum of what turns in the body, reference axes. A rigid fit is a part of
     them only where it leaves nothing of the markers that moves.
     """
-    ever = np.asarray(np.isfinite(x).all(2)).any(0)
+    ever = all_finite(x).any(0)
     x, X, mass = x[:, ever], X[ever], inertia.weight[ever]
     whole = np.asarray(np.isfinite(x).all((1, 2)))
     rigid, rotation = rigid_fits(x, X)
@@ -203,7 +203,7 @@ def interpolated_tracks(time: Array, x: Array, X: Array, rotation: Array) -> Arr
     """Tracks (time, node, 3) with straight lines in their gaps, beside where the other markers put them."""
     if np.isfinite(x).all():
         return x
-    beside = np.asarray(np.isfinite(x).all(2))
+    beside = all_finite(x)
     w = beside / np.maximum(beside.sum(1, keepdims=True), 1)
     place = np.where(beside[..., None], x, 0.0)
     turned = np.einsum("tab,nb->tna", rotation, X)

@@ -13,7 +13,7 @@ from forceid.flight.instruments.gyro import GYRO
 from forceid.flight.instruments.moved import Moved
 from forceid.flight.instruments.sensors import Sensors, sensed
 from forceid.motion import SHOWN_TURN, exp, log
-from forceid.records import Array
+from forceid.records import Array, all_finite
 
 
 def gyro_rate(time: Array, sensors: Sensors | None) -> Array | None:
@@ -25,7 +25,7 @@ def gyro_rate(time: Array, sensors: Sensors | None) -> Array | None:
     if sensors is None or reading is None:
         return None
     body = np.einsum("sab,tsb->tsa", sensors.rotation, reading)
-    whole = np.isfinite(body).all(2)
+    whole = all_finite(body)
     seen = whole.any(1)
     if not seen.any():
         return None

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
-from scipy.spatial.transform import Rotation
 
-from forceid.records import Array
+from forceid.compiled import engine as compiled
+from forceid.flight.attitude import between, turned
+from forceid.records import Array, Indices
 
 GAUSS = 0.5 + 0.5 * np.array(leggauss(3)[0]), 0.5 * np.array(leggauss(3)[1])  # points, weights on 0 to 1
 
@@ -32,7 +33,7 @@ class Turning:
     @classmethod
     def of(cls, time: Array, along: Array) -> Turning:
         """The turning of axes (time, 3, 3), columns in world axes, at times (time,) s."""
-        turn = Rotation.from_matrix(along[1:] @ along[:-1].mT).as_rotvec() / np.diff(time)[:, None]
+        turn = between(along[1:], along[:-1]) / np.diff(time)[:, None]
         own = np.einsum("tba,tb->ta", along[:-1], turn)
         whole = (own**2).sum(1, keepdims=True)
         across = whole - own**2
@@ -50,25 +51,41 @@ class Turning:
 
 
 def fix_to_body(
-    F: Array, Q: Array, P0: Array, n: int, step: Array, rotation: Array, axes: Array
-) -> tuple[Array, Array, Array]:
-    """A chain of n states whose load keeps to axes (3, 3) of a body, with all of its states in world axes.
+    F: Array, Q: Array, which: Indices, n: int, step: Array, rotation: Array, axes: Array
+) -> tuple[Array, Array]:
+    """Steps (time - 1, state, state) of a chain whose load keeps to axes (3, 3) of a body, in world axes.
 
-    The load's states turn with the body; what they add to the integrals Y and H over a step is turned by the
-    mean rotation of the step, weighted for Y as a push early in it counts more.
+    F, Q (kind, state, state) of kinds of step along these axes, n states of them in threes; which (time -
+    1,): the kind of each step. The load's states turn with the body; what they add to the integrals Y and H
+    over a step is turned by the mean rotation of the step, weighted for Y as a push early in it counts more.
+    Compiled where a compiler was.
     """
     at = rotation @ axes
     early, mean = (turn @ axes for turn in swept(step, rotation))
-    begin, end = (np.tile(np.eye(F.shape[1]), (len(F), 1, 1)) for _ in range(2))
-    start = np.eye(F.shape[1])
+    fixed = fixed_in_numpy if compiled is None else compiled.fixed_to_body
+    return fixed(F, Q, which, early, mean, at, n)
+
+
+def fixed_in_numpy(
+    F: Array, Q: Array, which: Indices, early: Array, mean: Array, at: Array, n: int
+) -> tuple[Array, Array]:
+    """`fix_to_body`, all steps at once, by axes at (time, 3, 3) and their means (time - 1, 3, 3)."""
+    begin, end = (np.tile(np.eye(F.shape[1]), (len(which), 1, 1)) for _ in range(2))
     for i in range(6, n, 3):
         load = slice(i, i + 3)
-        begin[:, load, load], end[:, load, load], start[load, load] = at[:-1], at[1:], at[0]
-    free = F[:, :6, :6].copy()
+        begin[:, load, load], end[:, load, load] = at[:-1], at[1:]
     end[:, :3, :3], end[:, 3:6, 3:6] = early, mean
-    F = end @ F @ begin.swapaxes(1, 2)
-    F[:, :6, :6] = free
-    return F, end @ Q @ end.swapaxes(1, 2), start @ P0 @ start.T
+    moved = end @ F[which] @ begin.swapaxes(1, 2)
+    moved[:, :6, :6] = F[which, :6, :6]
+    return moved, end @ Q[which] @ end.swapaxes(1, 2)
+
+
+def start_in_body(P0: Array, n: int, axes: Array) -> Array:
+    """Start covariance of a chain of n states whose load is along axes (3, 3) at the first sample."""
+    start = np.eye(len(P0))
+    for i in range(6, n, 3):
+        start[i : i + 3, i : i + 3] = axes
+    return np.asarray(start @ P0 @ start.T)
 
 
 def swept(step: Array, rotation: Array) -> tuple[Array, Array]:
@@ -76,12 +93,12 @@ def swept(step: Array, rotation: Array) -> tuple[Array, Array]:
 
     A spin that changes evenly from step to step bends the way between two rotations.
     """
-    turn = Rotation.from_matrix(rotation[1:] @ rotation[:-1].swapaxes(1, 2)).as_rotvec()
+    turn = between(rotation[1:], rotation[:-1])
     bend = np.zeros_like(turn)
     if len(step) > 1:
         middle = np.cumsum(step) - 0.5 * step
         bend = 0.5 * step[:, None] ** 2 * np.gradient(turn / step[:, None], middle, axis=0)
-    by = np.stack([Rotation.from_rotvec(u * turn - u * (1 - u) * bend).as_matrix() for u in GAUSS[0]])
+    by = np.stack([turned(u * turn - u * (1 - u) * bend, rotation[:-1]) for u in GAUSS[0]])
     weights = 2 * (1 - GAUSS[0]) * GAUSS[1], GAUSS[1]
-    early, mean = (np.einsum("u,utab->tab", w, by) @ rotation[:-1] for w in weights)
+    early, mean = (np.tensordot(w, by, 1) for w in weights)
     return early, mean

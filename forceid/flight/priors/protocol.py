@@ -19,7 +19,7 @@ import numpy as np
 from forceid.flight.channels import MEAN, Channel, Start, load_chain
 from forceid.flight.color import root_of
 from forceid.flight.pieces import Pieces, drawn, forms_over, split_in_a_row
-from forceid.flight.priors.body_fixed import Turning, fix_to_body
+from forceid.flight.priors.body_fixed import Turning, fix_to_body, start_in_body
 from forceid.flight.priors.lines import add_lines, line_rate, line_rows
 from forceid.kalman.building.clock import discretize_steps
 from forceid.kalman.building.lines import Line
@@ -199,11 +199,14 @@ class LoadPrior:
             F, Q, kind, P0 = drawn(forms, of_states, (at == MEAN, at > MEAN), split)
             F, Q, P0 = interleave(F)[kind[0]], interleave(Q)[kind[0]], interleave(P0[0])
         if rotation is not None and (self.body_axes is not None or any(line.turns for line in self.lines)):
-            F, Q, unique, which = F[which], Q[which], step, np.arange(len(step))
-            if self.body_axes is not None:
-                F, Q, P0 = fix_to_body(F, Q, P0, n, step, rotation, self.body_axes)
+            if self.body_axes is None:
+                F, Q = F[which], Q[which]
+            else:
+                F, Q = fix_to_body(F, Q, which, n, step, rotation, self.body_axes)
+                P0 = start_in_body(P0, n, rotation[0] @ self.body_axes)
+            unique = step
         add_lines((F, Q, P0), self.lines, self.axes, unique, step, rotation)
-        if len(F) > 1:
+        if len(F) > 1 and unique is not step:
             F, Q = F[which], Q[which]
         return at_all_times(F, len(step)), at_all_times(Q, len(step)), P0
 

@@ -10,7 +10,7 @@ from scipy.linalg import cho_factor, cho_solve, eigh
 from forceid.estimation.body.deforming.mode_selection import log_evidence, observed_shapes
 from forceid.motion import ReadingCov, body_axes, fit_rotation, frames_seen_alike, log
 from forceid.principal import summation_operator
-from forceid.records import Array
+from forceid.records import Array, all_finite
 from forceid.rounding import SOLVED
 
 LAG_TURN = 0.5  # rad: over less of a turn, the noise of the rotations would pass for spin
@@ -85,16 +85,19 @@ def mean_shape(position: Array, shape: Array, weight: Array) -> Array:
     Of a spinning body it is the shape it spins with, which differs from the one at rest. Only frames that
     show every weighted node enter, where there are any. Source: principal equations 4d.
     """
-    seen = np.all(np.isfinite(position), axis=2)
+    seen = all_finite(position)
     ever = np.any(seen, axis=0)
     whole = np.all(seen[:, ever & (weight > 0)], axis=1)
     frames = position[whole] if whole.sum() >= 3 else position
-    ever = np.any(np.isfinite(frames).all(2), axis=0)
-    mean = shape.copy()
+    ever = np.any(all_finite(frames), axis=0)
+    mean, gaps = shape.copy(), not np.isfinite(frames[:, ever]).all()
+    tracks = frames[:, ever].swapaxes(0, 1).reshape(ever.sum(), -1)  # (node, time and axis)
     for _ in range(3):
         center, R = fit_rotation(frames, mean, weight)
-        held = body_axes(frames, center, R)[:, ever]
-        mean[ever] = held.mean(0) if np.isfinite(held).all() else np.nanmean(held, axis=0)
+        if gaps:
+            mean[ever] = np.nanmean(body_axes(frames, center, R)[:, ever], axis=0)
+        else:  # of R^T (x - c) in one product
+            mean[ever] = (tracks @ R.reshape(-1, 3) - np.einsum("ta,tab->b", center, R)) / len(R)
     return mean
 
 
@@ -108,7 +111,7 @@ def deflected_shape(
     (node, 3) without load, about the mass center; mass (node,) or (dof, dof), of the gauge; weight (node,),
     of the rotation fit; noise_var m2 of a coordinate. Source: principal equations 2.5, 4d.
     """
-    frames = np.isfinite(position).all(2).sum(0)
+    frames = all_finite(position).sum(0)
     ever = frames > 0
     observed = observed_shapes(ever, shape, modes.shape)
     noise = observed.axes.T * np.repeat(noise_var / frames[ever], 3) @ observed.axes
@@ -174,6 +177,8 @@ def fit_amplitudes(
     """
     T, count = len(residual), len(shapes)
     q, var = np.full((T, count), np.nan), np.full((T, count), np.nan)
+    if not count:
+        return q, var
     G = np.concatenate([rigid, shapes.reshape(count, len(rigid)).T], 1)
     held = np.zeros((0, count)) if loose is None else np.diag(np.maximum(loose, np.finfo(float).tiny) ** -0.5)
     held = np.pad(held, ((0, 0), (6, 0)))
@@ -185,7 +190,8 @@ def fit_amplitudes(
         seen = noise.seen(pattern, more)
         fit = np.linalg.pinv(np.concatenate([seen.whitened(G[rows].T).T, held]))[6:]
         told = seen.reading(fit[:, : rows.sum()])
-        q[at] = residual[at][:, pattern].reshape(len(at), -1) @ told.T
+        every = residual if len(at) == T else residual[at]
+        q[at] = (every if pattern.all() else every[:, pattern]).reshape(len(at), -1) @ told.T
         var[at] = (fit**2).sum(1)
     return q, var
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from forceid.kalman.tuning.robust import runs
 from forceid.motion import fit_rotation
-from forceid.records import Array, Flags, Indices
+from forceid.records import Array, Flags, Indices, all_finite
 
 TRIALS = 16  # gaps made to judge a bridge: its mean square is known to a third
 LENGTH_RATIO = 1.5  # ratio of two lengths of gaps that are judged apart
@@ -42,7 +42,7 @@ def bridged(time: Array, position: Array, nodes: Flags) -> Bridged:
 
     time (time,) s. A sample in which none of these nodes is seen stays empty. The other nodes help.
     """
-    seen: Flags = np.asarray(np.isfinite(position).all(2))
+    seen: Flags = all_finite(position)
     x, var = position.copy(), np.where(seen, 0.0, np.nan)
     some = seen[:, nodes].any(1)
     lost = np.flatnonzero(nodes & seen.any(0) & ~seen[some].all(0)).tolist()

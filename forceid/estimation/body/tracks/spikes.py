@@ -11,7 +11,7 @@ import numpy as np
 from forceid.estimation.body.tracks.noise_axes import at_rest
 from forceid.estimation.body.tracks.rounding import grid_step
 from forceid.flight.channels import CHANNEL_SAMPLES
-from forceid.records import Array, Flags
+from forceid.records import Array, Flags, all_finite
 from forceid.rounding import SOLVED
 from forceid.significance import WHOLE
 
@@ -37,7 +37,7 @@ def spikes(position: Array) -> Flags:
     markers off is one in which the body deforms, and a record with more than a fifth of its readings off is
     none of spikes: there none is named.
     """
-    seen = np.isfinite(position).all(2)
+    seen = all_finite(position)
     found = np.zeros_like(seen)
     for _ in range(DROPS):  # of a frame the worst first: without it, those beside it are right
         more = spikes_once(np.where(found[..., None], np.nan, position))
@@ -50,14 +50,15 @@ def spikes(position: Array) -> Flags:
 
 def spikes_once(position: Array) -> Flags:
     """The worst of each frame's spikes (time, node) that marker tracks (time, node, 3) show."""
-    seen = np.isfinite(position).all(2)
+    seen = all_finite(position)
     found = np.zeros_like(seen)
     ever = np.flatnonzero(seen.any(0))
     position, T, n = position[:, ever], len(position), len(ever)
     partners = np.arange(1, min(n - 1, PARTNERS) + 1)
     if n < FEWEST or len(AROUND) >= T:
         return found
-    d = np.linalg.norm(position[:, :, None] - position[:, (np.arange(n)[:, None] + partners) % n], axis=3)
+    apart = position[:, :, None] - position[:, (np.arange(n)[:, None] + partners) % n]
+    d = np.sqrt(np.einsum("tnka,tnka->tnk", apart, apart))
     jump, wide = (np.abs(d[k:-k] - 0.5 * (d[2 * k :] + d[: -2 * k])) for k in (1, 2))  # alike if white
     usual = NORMAL * np.maximum(median(jump[None])[0], median(wide[None])[0])
     scale = np.maximum(usual, SOLVED * np.nan_to_num(d).max(initial=0.0))
@@ -155,11 +156,10 @@ def wild_rates(rate: Array) -> Flags:
 
 def median(a: Array) -> Array:
     """Median over the second axis, without NaN; zero where all are."""
-    ordered, most = np.sort(a, axis=1), a.shape[1]  # NaN last
-    seen = np.isfinite(a)
+    seen, most = np.isfinite(a), a.shape[1]
     if most and seen.all():
-        return np.asarray(0.5 * (ordered[:, (most - 1) // 2] + ordered[:, most // 2]))
-    count = seen.sum(1)
+        return np.asarray(np.median(a, axis=1))
+    ordered, count = np.sort(a, axis=1), seen.sum(1)  # NaN last
     low, high = (np.maximum(count - 1, 0) // 2, np.maximum(count, 1) // 2)
     pick = [np.take_along_axis(ordered, k[:, None], 1)[:, 0] for k in (low, np.minimum(high, a.shape[1] - 1))]
     return np.asarray(np.where(count > 0, 0.5 * (pick[0] + pick[1]), 0.0))

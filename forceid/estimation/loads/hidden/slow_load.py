@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.special import softmax
 
 from forceid.estimation.loads.hidden.whitened import FAINTEST, NONE_OF_SIX, Whitened
 from forceid.flight.channels import Channel
@@ -194,11 +195,11 @@ def slow_turning_growth(found: Whitened, claimed: Array, slow: Flags) -> Array:
     prior, growth, span = found.prior, np.ones(3), float(np.ptp(found.channel.time))
     edge = len(found.channel.time) // 8
     inner = slice(edge, len(found.channel.time) - edge)
-    own, (load, var) = found.likelihood(prior), found.smoothed(prior)
+    own, claim = found.likelihood(prior), None
     kernel, at = prior.kernel, np.arange(3)
     least = LEAK * float(kernel.std.max())
     for axis in np.flatnonzero(slow):
-        tried = [(0.0, prior)]
+        tried: list[tuple[float, LoadPrior]] = []
         for cycles in CYCLES:
             before = -np.inf
             for size in max(np.sqrt(claimed[axis]), least) * TIMES ** np.arange(SIZES):
@@ -210,13 +211,17 @@ def slow_turning_growth(found: Whitened, claimed: Array, slow: Flags) -> Array:
                 if gain < before and gain < -PATIENCE:
                     break
                 before = gain
-        gains = np.array([one for one, _ in tried])
-        weight = np.exp(gains - gains.max()) / np.exp(gains - gains.max()).sum()
-        mixed = 0.0
-        for share, (_, other) in zip(weight, tried, strict=True):
-            if share > CHANCE / len(tried):
-                there, spread = found.smoothed(other)
-                mixed += share * float((spread + (there - load) ** 2)[inner, axis].mean())
+        first, *weight = softmax([0.0, *(gain for gain, _ in tried)])
+        count = [
+            (w, other) for w, (_, other) in zip(weight, tried, strict=True) if w * (len(tried) + 1) > CHANCE
+        ]
+        if not count:  # none is near as likely as the prior itself
+            continue
+        load, var = claim = found.smoothed(prior) if claim is None else claim
+        mixed = first * float(var[inner, axis].mean())
+        for share, other in count:
+            there, spread = found.smoothed(other)
+            mixed += share * float((spread + (there - load) ** 2)[inner, axis].mean())
         ratio = mixed / float(var[inner, axis].mean())
         growth[axis] = np.sqrt(ratio) if ratio > 1 else 1.0  # also where rounding swamps a variance
     return growth
