@@ -87,4 +87,5 @@ PYBIND11_MODULE(_engine, module) {
   def("scoring_step", chosen.spectra.scoring_step);
   def("whitened", chosen.whitening.whitened);
   def("fixed_to_body", chosen.body_fixed.fixed);
+  def("shocks", chosen.shocks.seen);
 }

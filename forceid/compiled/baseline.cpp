@@ -10,6 +10,7 @@
 #include "../kalman/fixed_lag.hpp"
 #include "../kalman/steps.hpp"
 #include "../kalman/whitening.hpp"
+#include "../kalman/shocks.hpp"
 #include "../flight/flight.hpp"
 #include "../flight/spectra.hpp"
 #include "../flight/body_fixed.hpp"
@@ -22,4 +23,4 @@
 
 const Kernels baseline_kernels = {
     passes::table, flight::table, {folded::sums, poses::fitted, kabsch::turned, polar::polar, polar::bipolar_factors, splitting::steps},
-    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}, {body_fixed::fixed}};
+    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}, {body_fixed::fixed}, {shocks::seen}};

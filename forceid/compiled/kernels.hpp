@@ -82,6 +82,11 @@ struct BodyFixed {
   Two (*fixed)(Array F, Array Q, Index which, Array early, Array mean, Array at, Size n);
 };
 
+// kalman/shocks.hpp
+struct Shocks {
+  Two (*seen)(Array F, Array H, Index run, Array K, Array W, Array v, Mask seen, Size first, Size stop);
+};
+
 struct Kernels {
   Passes passes;
   Flights flights;
@@ -91,6 +96,7 @@ struct Kernels {
   Spectra spectra;
   Whitening whitening;
   BodyFixed body_fixed;
+  Shocks shocks;
 };
 
 extern const Kernels baseline_kernels, v3_kernels; // v3: AVX2 with FMA

@@ -12,6 +12,7 @@ V3
 #include "../kalman/fixed_lag.hpp"
 #include "../kalman/steps.hpp"
 #include "../kalman/whitening.hpp"
+#include "../kalman/shocks.hpp"
 #include "../flight/flight.hpp"
 #include "../flight/spectra.hpp"
 #include "../flight/body_fixed.hpp"
@@ -24,5 +25,5 @@ V3
 
 const Kernels v3_kernels = {
     passes::table, flight::table, {folded::sums, poses::fitted, kabsch::turned, polar::polar, polar::bipolar_factors, splitting::steps},
-    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}, {body_fixed::fixed}};
+    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}, {body_fixed::fixed}, {shocks::seen}};
 #endif

@@ -169,7 +169,7 @@ def estimate_beside(
     if solution.kinematics.model == SEGMENTS:  # whose claims have the place of their mass by now
         doubt = doubt.model_copy(update={"mass_center": 0.0})
     open_state = with_uncertain_body(solution.state, solution.kinematics, solution.deformation, doubt)
-    rounded = judge_rounding(motion, solution.kinematics.noise)
+    rounded = judge_rounding(solution.kinematics)
     said = (*judge_shown(body), *rounded, *judge_mending(mended), *solution.findings)
     solution = replace(solution, state=open_state, findings=said)
     found = solution.kinematics

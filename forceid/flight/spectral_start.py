@@ -56,10 +56,14 @@ class Sight:
     spectrum: Spectrum
 
     def peaks(
-        self, orders: tuple[int, ...], shared: tuple[ArrayLike, ArrayLike], same: Flags
+        self,
+        orders: tuple[int, ...],
+        shared: tuple[ArrayLike, ArrayLike],
+        same: Flags,
+        near: Array | None = None,
     ) -> tuple[Array, Array, Array]:
         """Likeliest points (order, axis, 2), noise and values (order, axis); shared: bounds of the noise."""
-        return self.spectrum.peaks(np.array(orders), self.edges(orders, shared), same)
+        return self.spectrum.peaks(np.array(orders), self.edges(orders, shared), same, near)
 
     def edges(self, orders: tuple[int, ...], shared: tuple[ArrayLike, ArrayLike]) -> tuple[Array, Array]:
         """Lowest and highest points and noise (order, axis, 3) of orders."""

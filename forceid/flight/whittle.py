@@ -113,12 +113,13 @@ class Spectrum:
         slope = (D @ (self.power * self.total / total - self.count)[..., None])[..., 0]
         return self.value(total), slope, (D * self.count) @ D.mT
 
-    def peaks(self, orders: Array, edges: Edges, same: Flags) -> Peaks:
+    def peaks(self, orders: Array, edges: Edges, same: Flags, near: Array | None = None) -> Peaks:
         """The likeliest points and noise of each order (order,) and axis, by steps from a grid.
 
-        same (axis, axis): which axes share a noise.
+        same (axis, axis): which axes share a noise; near (order, axis, 2): points to step from instead, where
+        such are known.
         """
-        points, noise = self.grid(orders, edges, same)
+        points, noise = self.grid(orders, edges, same) if near is None else (near, edges[0][..., 2])
         (low, high), share = edges, same.astype(float)
         x = best_x = np.concatenate([points, noise[..., None]], -1)
         reach = np.ones(x.shape[:2])

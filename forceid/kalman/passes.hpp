@@ -12,6 +12,7 @@ using namespace lanes;
 using strips::add_products, strips::Columns, strips::follow, strips::Memory;
 
 constexpr Size BLOCK = 32;          // samples of a recursion that are gone through at once
+constexpr Size SETTLES = 512;       // samples that room is made for until a covariance rests; more is made then
 constexpr int LAG = 8;              // samples between two looks at whether a covariance has come to rest
 constexpr double REMAINING = 1e-12; // of a covariance, still to go by the rate at which it comes to rest
 constexpr double ROUNDING = 1e-13;  // a change over LAG samples that rounding alone makes
@@ -63,6 +64,7 @@ SHARED(n <= 4, symmetrize, (double *a, int n), (a, n))
 INLINE void sandwich(const double *a, const double *p, double *s, double *work, int n) {
   multiply(a, p, s, n, n, n);
   transpose(s, work, n, n);
+  if (!__builtin_constant_p(n)) return strips::multiply_symmetric(a, work, s, n, n);
   multiply(a, work, s, n, n, n);
   symmetrize(s, n);
 }
@@ -317,10 +319,9 @@ Runs covariance_pass(Array F_, Array Q_, Array H_, Array R_, Array P0, Mask seen
   std::copy(P0.data(), P0.data() + n * n, now.P_pred.begin());
   std::vector<Size> start;
   Buffer P_pred, P, K, W;
-  if (!steady) { // a run for every sample
-    P_pred.reserve(T * n * n), P.reserve(T * n * n);
-    K.reserve(T * n * m), W.reserve(T * m * m);
-  }
+  const Size expected = steady ? std::min(T, SETTLES) : T; // runs: one for every sample until it rests
+  P_pred.reserve(expected * n * n), P.reserve(expected * n * n);
+  K.reserve(expected * n * m), W.reserve(expected * m * m);
   Size failed = -1;
   {
     Rest rest;
@@ -657,7 +658,7 @@ Later information_pass(Array F_, Array Q_, Array H_, Array R_, Mask seen_, bool 
   Buffer later, now(n * n, 0.0), D(n * n), X(n * (n + m)), S(m * m), W(m * m), H_s(m * n), YH(n * m),
       told(n * n), F_t(n * n), work(n * std::max(n, m)), white(m * n);
   std::vector<int> channel(m);
-  if (!steady) later.reserve(T * n * n); // a run for every sample
+  later.reserve((steady ? std::min(T, SETTLES) : T) * n * n);
   Size failed = -1;
   {
     Rest rest;
@@ -702,14 +703,12 @@ Later information_pass(Array F_, Array Q_, Array H_, Array R_, Mask seen_, bool 
         }
         transpose(YH.data(), work.data(), n, c);
         multiply(W.data(), work.data(), white.data(), c, c, n);
-        for (int l = 0; l < c; ++l)
-          for (int i = 0; i < n; ++i) {
-            const double f = white[l * n + i];
-            for (int j = 0; j < n; ++j) told[i * n + j] += f * white[l * n + j];
-          }
+        transpose(white.data(), YH.data(), c, n);
+        multiply(YH.data(), white.data(), work.data(), n, c, n);
+        for (int i = 0; i < n * n; ++i) told[i] += work[i];
       }
       symmetrize(told.data(), n);
-      transpose(Fk, F_t.data(), n, n);
+      if (k == T - 1 || F.time > 1) transpose(Fk, F_t.data(), n, n);
       sandwich(F_t.data(), told.data(), now.data(), work.data(), n);
       last.push_back(k - 1);
       append(later, now);
@@ -778,8 +777,7 @@ template <int N> Out combine(Array P_, Array later_) {
       for (int i = j + 2; i < n; ++i) subtract_two(f[i], one, g[i], other, &U[i * n], 0, n);
     }
     transpose(U.data(), work.data(), n, n);
-    multiply(work.data(), U.data(), out + k * n * n, n, n, n);
-    symmetrize(out + k * n * n, n);
+    strips::multiply_symmetric(work.data(), U.data(), out + k * n * n, n, n);
   }
   return out_;
 }

@@ -4,6 +4,7 @@ namespace {
 namespace strips {
 
 constexpr int WIDE = REGISTER;
+constexpr int FEW = 128; // columns of a row whose entries that are not zero are listed: 1.5 kB
 template <int LENGTH> struct Register {
   typedef double Vector __attribute__((vector_size(LENGTH * 8)));
   typedef Vector Anywhere __attribute__((aligned(8), may_alias)); // in memory
@@ -106,9 +107,11 @@ void follow(const Columns &A, double *path, Size samples) {
   for (Size k = 0; k < samples; ++k, path += A.padded) all_strips<1>(A, path, 0, path + A.padded);
 }
 
-// COUNT registers of a row = sum of f_l times the rows l of b (., m), from column j on: the last register ends at m
+// COUNT registers of a row = sum of f_l times the rows l of b, `apart` each from the next, from column j on: the last
+// register ends at m
 template <int LENGTH, int COUNT>
-INLINE void row_strip(const double *f, const int *which, int count, const double *b, int m, int j, double *row) {
+INLINE void row_strip(const double *f, const int *which, int count, const double *b, int apart, int m, int j,
+                      double *row) {
   Vector<LENGTH> sum[COUNT] = {};
   int from[COUNT];
 #pragma GCC unroll 4
@@ -116,7 +119,7 @@ INLINE void row_strip(const double *f, const int *which, int count, const double
   for (int l = 0; l < count; ++l) {
     if (!which && f[l] == 0.0) continue;
     const double f_l = f[l];
-    const double *b_l = b + static_cast<Size>(which ? which[l] : l) * m;
+    const double *b_l = b + static_cast<Size>(which ? which[l] : l) * apart;
 #pragma GCC unroll 4
     for (int s = 0; s < COUNT; ++s) sum[s] += read<LENGTH>(b_l + from[s]) * f_l;
   }
@@ -125,34 +128,42 @@ INLINE void row_strip(const double *f, const int *which, int count, const double
 }
 
 template <int LENGTH>
-INLINE void row_product(const double *f, const int *which, int count, const double *b, int m, double *row) {
+INLINE void row_product(const double *f, const int *which, int count, const double *b, int apart, int m, double *row) {
   for (int j = 0; j < m; j += 4 * LENGTH) {
-    if (j + 3 * LENGTH < m) row_strip<LENGTH, 4>(f, which, count, b, m, j, row);
-    else if (j + 2 * LENGTH < m) row_strip<LENGTH, 3>(f, which, count, b, m, j, row);
-    else if (j + LENGTH < m) row_strip<LENGTH, 2>(f, which, count, b, m, j, row);
-    else row_strip<LENGTH, 1>(f, which, count, b, m, j, row);
+    if (j + 3 * LENGTH < m) row_strip<LENGTH, 4>(f, which, count, b, apart, m, j, row);
+    else if (j + 2 * LENGTH < m) row_strip<LENGTH, 3>(f, which, count, b, apart, m, j, row);
+    else if (j + LENGTH < m) row_strip<LENGTH, 2>(f, which, count, b, apart, m, j, row);
+    else row_strip<LENGTH, 1>(f, which, count, b, apart, m, j, row);
   }
+}
+
+// a row f (k) times b (k, .), the first m columns, at least WIDE of them; zeros in f cost nothing
+INLINE void wide_row(const double *f, const double *b, double *row, int k, int apart, int m) {
+  if (m <= 4 * WIDE || k > FEW) return row_product<WIDE>(f, nullptr, k, b, apart, m, row);
+  int which[FEW], count = 0; // several times through f: what is not zero is found once
+  double kept[FEW];
+  for (int l = 0; l < k; ++l)
+    if (f[l] != 0.0) kept[count] = f[l], which[count++] = l;
+  row_product<WIDE>(kept, which, count, b, apart, m, row);
 }
 
 // c (n, m) = a (n, k) b (k, m); zeros in a cost nothing
 void multiply(const double *a, const double *b, double *c, int n, int k, int m) {
-  if (m > 4 * WIDE) { // several times through a row of a: what is not zero is found once
-    std::vector<int> which(k);
-    Buffer f(k);
-    for (int i = 0; i < n; ++i, a += k, c += m) {
-      int count = 0;
-      for (int l = 0; l < k; ++l)
-        if (a[l] != 0.0) f[count] = a[l], which[count++] = l;
-      row_product<WIDE>(f.data(), which.data(), count, b, m, c);
-    }
-    return;
-  }
   for (int i = 0; i < n; ++i, a += k, c += m) {
-    if (m >= WIDE) row_product<WIDE>(a, nullptr, k, b, m, c);
-    else if (WIDE > 4 && m >= 4) row_product<4>(a, nullptr, k, b, m, c);
-    else if (WIDE > 2 && m >= 2) row_product<2>(a, nullptr, k, b, m, c);
-    else row_product<1>(a, nullptr, k, b, m, c);
+    if (m >= WIDE) wide_row(a, b, c, k, m, m);
+    else if (WIDE > 4 && m >= 4) row_product<4>(a, nullptr, k, b, m, m, c);
+    else if (WIDE > 2 && m >= 2) row_product<2>(a, nullptr, k, b, m, m, c);
+    else row_product<1>(a, nullptr, k, b, m, m, c);
   }
+}
+
+// symmetric c (n, n) = a (n, k) b (k, n): what is below the diagonal, and above the same again
+void multiply_symmetric(const double *a, const double *b, double *c, int n, int k) {
+  if (n < WIDE) multiply(a, b, c, n, k, n);
+  else
+    for (int i = 0; i < n; ++i) wide_row(a + i * k, b, c + i * n, k, n, std::min(n, (i / WIDE + 1) * WIDE));
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < i; ++j) c[j * n + i] = c[i * n + j];
 }
 
 } // namespace strips

@@ -18,7 +18,7 @@ from forceid.estimation.body.rotors import momentum_inside
 from forceid.estimation.body.spin import Spin
 from forceid.estimation.body.thin_mass import followed_line, thinned
 from forceid.estimation.body.tracks.noise_axes import as_stated, floored, rms_noise, share, uneven
-from forceid.estimation.body.tracks.rounding import beside_rounding
+from forceid.estimation.body.tracks.rounding import beside_rounding, grid_step
 from forceid.flight.color import Color, Colored, LowPassed, SharedErrors
 from forceid.flight.elastic import Elastic
 from forceid.motion import (
@@ -147,7 +147,7 @@ def kinematics(
     """
     stated = motion.noise_std | settings.noise_std
     if motion.position is not None and "position" in stated:
-        stated["position"] = beside_rounding(stated["position"], motion.position)
+        stated["position"] = beside_rounding(stated["position"], grid_step(motion.position))
     noise = noise or as_stated(stated, motion)
     if motion.position is not None:
         return at_level(markers_of(body, motion, noise, "position" in stated), settings)

@@ -6,6 +6,7 @@ The levels of a model differ only in what they make of the residuals, so all of 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from forceid.estimation.body.mass_center import MassCenter, tracked_mass_center
 from forceid.estimation.body.rotors import momentum_inside
 from forceid.estimation.body.thin_mass import observed_rank, thinned
 from forceid.estimation.body.tracks.noise_axes import floored, rms_noise
+from forceid.estimation.body.tracks.rounding import grid_step
 from forceid.motion import ReadingCov, body_axes, fit_rotation, noise_variance, pose_rank
 from forceid.principal import summation_operator
 from forceid.records import Array, Body, Flags, KnownPart, Motion, all_finite
@@ -69,6 +71,11 @@ class MarkerSet:
     def noise_std(self) -> float:
         """Standard deviation (m) of the noise of a coordinate, in the mean square over the axes."""
         return rms_noise(self.root)
+
+    @cached_property
+    def grid(self) -> float:
+        """Step (m) of the grid that the coordinates are on, zero where they are on none."""
+        return grid_step(self.tracks)
 
     @property
     def white(self) -> ReadingCov:

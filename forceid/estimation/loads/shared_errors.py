@@ -46,18 +46,22 @@ def shared_errors(channel: Channel, engine: Engine) -> SharedErrors | None:
     if sight is None:
         return None
     alone: Array = sight.spectrum.noise
-    without = value(sight, alone)
+    without = likeliest_load(sight, alone)[0]
     sizes = float(np.median(channel.var(axes)[seen].mean(1))) * np.geomspace(*SHARED_SIZES, SHARES_TRIED)
     rates = np.geomspace(2 * np.pi / np.ptp(channel.time), 1 / step, SHARES_TRIED)
     closer = np.array([sizes[1] / sizes[0], rates[1] / rates[0]])
 
-    def likeliest(tried: list[SharedErrors], sight: Sight) -> tuple[SharedErrors, float]:
-        each = [value(sight, alone + one.density(sight.spectrum.w[0])) for one in tried]
-        return tried[int(np.argmax(each))], max(each)
+    def likeliest(
+        tried: list[SharedErrors], sight: Sight, near: Array | None
+    ) -> tuple[SharedErrors, float, Array]:
+        each = [likeliest_load(sight, alone + one.density(sight.spectrum.w[0]), near) for one in tried]
+        k = int(np.argmax([value for value, _ in each]))
+        return tried[k], *each[k]
 
+    load: Array | None = None  # under the errors that are best so far, from which those near to it are found
     for turn in range(ROUNDS):
         grid = [SharedErrors(float(np.sqrt(s)), float(r), step) for s in sizes for r in rates]
-        best, found = likeliest(grid, sight)
+        best, found, load = likeliest(grid, sight, load)
         if turn == 0:
             if found < without + PATIENCE + 2 * NUMBER:
                 return None
@@ -67,7 +71,8 @@ def shared_errors(channel: Channel, engine: Engine) -> SharedErrors | None:
     fast, least = best.std**2 * best.rate, best  # what is fast of them is what the record fixes
     for std in best.std * SMALLER:  # slow errors that the record does not ask for stay loads
         rates = fast / std**2 * np.geomspace(0.5, 2.0, SHARES_TRIED)
-        smaller, likely = likeliest([SharedErrors(float(std), float(r), step) for r in rates], sight)
+        tried = [SharedErrors(float(std), float(r), step) for r in rates]
+        smaller, likely, load = likeliest(tried, sight, load)
         if likely < found - PATIENCE:
             break
         least = smaller
@@ -101,13 +106,18 @@ def lasting(channel: Channel, axes: Array, engine: Engine, shared: SharedErrors)
         if sight is None:
             return False
         alone = sight.spectrum.noise
-        if value(sight, alone + shared.density(sight.spectrum.w[0])) < value(sight, alone):
+        noise = alone + shared.density(sight.spectrum.w[0])
+        if likeliest_load(sight, noise)[0] < likeliest_load(sight, alone)[0]:
             return False
     return True
 
 
-def value(sight: Sight, noise: Array) -> float:
-    """Whittle's likelihood of the likeliest load under a noise of density (axis, group)."""
+def likeliest_load(sight: Sight, noise: Array, near: Array | None = None) -> tuple[float, Array]:
+    """Whittle's likelihood of the likeliest load under a noise of density (axis, group), and its points.
+
+    Points (order, axis, 2) of a search; near: such of a noise that differs little, to go on from.
+    """
     under = replace(sight, spectrum=replace(sight.spectrum, noise=noise))
     level, together = np.zeros(len(noise)), np.ones((len(noise),) * 2, bool)
-    return float(under.peaks((FIRST_ORDER, FREE), (level, level), together)[2].sum(1).max())
+    points, _, value = under.peaks((FIRST_ORDER, FREE), (level, level), together, near)
+    return float(value.sum(1).max()), points

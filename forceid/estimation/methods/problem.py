@@ -129,8 +129,8 @@ class Problem:
     @property
     def rounding(self) -> float:
         """Amplitude (m) that rounding gives to one frequency of the track of a marker, at most."""
-        position = self.motion.position
-        return 0.0 if position is None else rounding_line(position, self.kin.noise["position"])
+        markers = self.kin.markers
+        return 0.0 if markers is None else rounding_line(markers.grid, self.kin.noise["position"])
 
     @property
     def apart(self) -> bool:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.estimation.body.tracks.rounding import grid_step
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.leakage import Leakage
 from forceid.estimation.verdict.measured_pose import judge_measured_pose
@@ -59,14 +58,14 @@ def judge_recording(kin: Kinematics, motion: Motion | None = None) -> list[Findi
     return found
 
 
-def judge_rounding(motion: Motion, noise: dict[str, float]) -> list[Finding]:
+def judge_rounding(kin: Kinematics) -> list[Finding]:
     """Coordinates on a grid so coarse that its steps, and not the noise, are their error."""
-    if motion.position is None or "position" not in noise:
+    if kin.markers is None:
         return []
-    step = grid_step(motion.position)
-    if step / np.sqrt(12) < noise["position"]:
+    step, noise = kin.markers.grid, kin.noise["position"]
+    if step / np.sqrt(12) < noise:
         return []
-    return [note("rounded-coordinates", step_mm=1e3 * step, noise_mm=1e3 * noise["position"])]
+    return [note("rounded-coordinates", step_mm=1e3 * step, noise_mm=1e3 * noise)]
 
 
 def reads_turn(kin: Kinematics, motion: Motion) -> bool:

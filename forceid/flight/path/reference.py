@@ -152,7 +152,8 @@ def added_moment(prior: LoadPrior, F: Array, chain: Array) -> tuple[Array, Array
 
 def rotation_model(flight: Flight, prior: LoadPrior, reference: Reference) -> StateSpace:
     """Linear model of the rotation error and the angular momentum about a reference."""
-    F, Q, P0 = map(np.array, prior.chain(np.diff(flight.time), reference.rotation, flight.time[0]))
+    held = prior.chain(np.diff(flight.time), reference.rotation, flight.time[0])
+    F, Q, P0 = (a if a.flags.writeable else np.array(a) for a in held)  # to be written over
     Y, h = added_moment(reference.moment, F, reference.chain)
     turn = turn_step(flight, reference, Y, h)
     by_Y, by_H = turn.by_Y @ prior.axes, turn.by_more @ prior.axes

@@ -99,7 +99,7 @@ def local_level(v: Array) -> Array:
     power = np.abs(np.fft.rfft(v, 2 * len(v), axis=0)) ** 2 / np.maximum((v**2).sum(0), 1.0)
     # relative, of a median of so many that are independent
     chance = SIGMAS / np.log(2) / np.sqrt(2 * CYCLES_BESIDE)
-    around = median_filter(power, (4 * CYCLES_BESIDE + 1, 1)) / np.log(2)
+    around = np.stack([median_filter(one, 4 * CYCLES_BESIDE + 1) for one in power.T], 1) / np.log(2)
     quiet = np.clip(around * (1 + chance), 1 / len(v), 1.0)
     return np.asarray(np.where(around > 1 + chance, around, quiet))
 

@@ -37,9 +37,9 @@ def test_no_grid_is_seen_in_what_was_not_rounded_nor_in_what_rests_on_one():
 
 def test_a_noise_stated_below_the_rounding_is_counted_with_it():
     x = 1e-3 * np.round(flying(0) / 1e-3)
-    assert beside_rounding(1e-4, x) == pytest.approx(np.hypot(1e-4, 1e-3 / np.sqrt(12)))
-    assert beside_rounding(1e-3, x) == 1e-3
-    assert beside_rounding(1e-4, flying(0)) == 1e-4
+    assert beside_rounding(1e-4, grid_step(x)) == pytest.approx(np.hypot(1e-4, 1e-3 / np.sqrt(12)))
+    assert beside_rounding(1e-3, grid_step(x)) == 1e-3
+    assert beside_rounding(1e-4, grid_step(flying(0))) == 1e-4
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

@@ -428,9 +428,9 @@ def test_as_few_records_are_called_wild_by_chance_as_stated():
 def test_coordinates_rounded_to_more_than_their_noise_are_said(step, said):
     recording = cf.toss()
     x = np.round(recording.motion.position / step) * step
-    found = judge_rounding(replace(recording.motion, position=x), {"position": cf.NOISE})
-    assert bool(found) is said
-    assert judge_rounding(recording.motion, {"position": cf.NOISE}) == []
+    kin = kinematics(recording.body, recording.motion, load_settings(noise_std={"position": cf.NOISE}))
+    assert bool(judge_rounding(replace(kin, markers=replace(kin.markers, tracks=x)))) is said
+    assert judge_rounding(kin) == []
 
 
 def test_markers_that_stick_to_the_edge_of_the_volume_are_left_out_and_said():

@@ -56,29 +56,26 @@ def fitted_step(values: Array, part: int) -> float:
     return step if np.abs(off / step - np.rint(off / step)).max() < OFF_GRID else 0.0
 
 
-def rounding_line(position: Array, noise: float) -> float:
-    """Amplitude (m) that rounding gives to one frequency of a track (time, node, 3) at most; noise m with it.
+def rounding_line(step: float, noise: float) -> float:
+    """Amplitude (m) that rounding to a step (m) gives to one frequency of a track at most; noise m with it.
 
     Rounded, a steady motion errs by a saw tooth, whose first harmonic noise beside it washes out. Source:
     Widrow and Kollar (2008), Quantization noise, 4.
 
-    >>> x = np.round(np.linspace(0, 1, 300), 1).reshape(-1, 1, 3)
-    >>> rounding_line(x, 0.1 / np.sqrt(12)).__round__(6) == round(0.1 / np.pi, 6)
+    >>> rounding_line(0.1, 0.1 / np.sqrt(12)).__round__(6) == round(0.1 / np.pi, 6)
     True
     """
-    step = grid_step(position)
     if not step:
         return 0.0
     white = max(noise**2 - step**2 / 12, 0.0)
     return float(step / np.pi * np.exp(-2 * np.pi**2 * white / step**2))
 
 
-def beside_rounding(std: float, position: Array) -> float:
-    """A noise (m) stated of coordinates (time, node, 3), with that of rounding where it cannot hold it.
+def beside_rounding(std: float, step: float) -> float:
+    """A noise (m) stated of coordinates, with that of rounding to a step (m) where it cannot hold it.
 
-    >>> x = np.round(np.linspace(0, 1, 300), 1).reshape(-1, 1, 3)
-    >>> round(beside_rounding(0.01, x), 4), beside_rounding(0.05, x)
+    >>> round(beside_rounding(0.01, 0.1), 4), beside_rounding(0.05, 0.1)
     (0.0306, 0.05)
     """
-    rounded = grid_step(position) / np.sqrt(12)
+    rounded = step / np.sqrt(12)
     return float(np.hypot(std, rounded)) if std < rounded else std

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from forceid.compiled import engine as compiled
 from forceid.estimation.loads.pieces.evidence import Evidence, best_of, longest, moved
 from forceid.estimation.loads.pieces.stretches import strong_by_turns, uneven
 from forceid.flight.channels import CHANNEL_SAMPLES, Channel
@@ -20,8 +21,8 @@ from forceid.flight.priors.matern import Matern
 from forceid.flight.priors.protocol import KERNEL, LOAD, LoadPrior, channel_model
 from forceid.flight.tuning import LEAK
 from forceid.kalman.engines import Engine
-from forceid.kalman.model import Filtered
-from forceid.records import Array
+from forceid.kalman.model import Filtered, same_at_all_times
+from forceid.records import Array, Flags, Indices
 from forceid.rounding import ITERATIONS
 from forceid.significance import NUMBER, PATIENCE
 
@@ -138,31 +139,46 @@ def drawn_anew(f: Filtered, vectors: int) -> Array:
     vectors: states of the chain that come in threes. Source: de Jong and Penzer, J. Am. Stat. Assoc. 93
     (1998) 796.
     """
-    model, T, n = f.model, len(f.x), f.x.shape[1]
-    run = np.repeat(np.arange(len(f.gains.start)), np.diff(f.gains.start, append=T))
-    seen = np.asarray(np.isfinite(f.innovation).all(1))
-    white, W, K = np.where(seen[:, None], f.innovation, 0.0), f.gains.W, f.gains.K
-    F, H = np.broadcast_to(model.F, (T - 1, n, n)), np.broadcast_to(model.H, (T, *model.H.shape[-2:]))[1:]
-    # by the states before each step: what its sample shows of them, and what is left of them behind it
-    rows = W[run[1:]] @ H @ F
-    rows[~seen[1:]] = 0.0
-    rest = np.where(seen[1:, None, None], F - K[run[1:]] @ (H @ F), F)
-    slopes, bends = np.zeros((T, n)), np.zeros((T, n, n))
-    slopes[:-1], bends[:-1] = (white[1:, None] @ rows)[:, 0], rows.mT @ rows
-    for t in range(T - 2, -1, -1):
-        slopes[t] += slopes[t + 1] @ rest[t]
-        bends[t] += rest[t].T @ (bends[t + 1] @ rest[t])
-    gain = np.zeros(T)
+    model, seen = f.model, np.asarray(np.isfinite(f.innovation).all(1))
+    run = np.repeat(np.arange(len(f.gains.start)), np.diff(f.gains.start, append=len(seen)))
+    F, H = (a if a.ndim == 3 and not same_at_all_times(a) else a.reshape(-1, *a.shape[-2:])[:1]
+            for a in (model.F, model.H))  # fmt: skip
+    given = F, H, run, f.gains.K, f.gains.W, np.where(seen[:, None], f.innovation, 0.0), seen
+    slopes, bends = (shocks_in_numpy if compiled is None else compiled.shocks)(*given, LOAD.start, vectors)
+    gain = np.zeros(len(seen))
     for axis in range(3):
         own = np.arange(LOAD.start + axis, vectors, 3)
         std = np.sqrt(np.diagonal(model.P0)[own])
         root = std[:, None] * np.linalg.cholesky(model.P0[np.ix_(own, own)] / np.outer(std, std))
-        shown, directions = np.linalg.eigh(root.T @ bends[:, own[:, None], own] @ root)
+        shown, directions = np.linalg.eigh(root.T @ bends[:, axis] @ root)
         shown = np.maximum(shown, 0.0)  # a covariance: less than nothing is rounding
         v = np.einsum("ti,tij->tj", slopes[:, own] @ root, directions)
         likely = 0.5 * (v**2 / (1 + shown)).sum(1)
         gain += np.maximum(likely - 0.5 * np.log1p(shown).sum(1), 0.0)
     return gain
+
+
+def shocks_in_numpy(
+    F: Array, H: Array, run: Indices, K: Array, W: Array, v: Array, seen: Flags, first: int, stop: int
+) -> tuple[Array, Array]:
+    """What shocks to states behind each sample change in all later innovations v (time, channel).
+
+    The adjoint (time, state), and the blocks (time, 3, k, k) of its covariance of the states from `first` to
+    `stop`, which come in threes. F, H of each step, or one of all; run (time,): of gains K and W; seen
+    (time,).
+    """
+    T, n = len(v), F.shape[-1]
+    F, H = np.broadcast_to(F, (T - 1, n, n)), np.broadcast_to(H, (T, *H.shape[1:]))[1:]
+    # by the states before each step: what its sample shows of them, and what is left of them behind it
+    rows = W[run[1:]] @ H @ F
+    rows[~seen[1:]] = 0.0
+    rest = np.where(seen[1:, None, None], F - K[run[1:]] @ (H @ F), F)
+    slopes, bends = np.zeros((T, n)), np.zeros((T, n, n))
+    slopes[:-1], bends[:-1] = (v[1:, None] @ rows)[:, 0], rows.mT @ rows
+    for t in range(T - 2, -1, -1):
+        slopes[t] += slopes[t + 1] @ rest[t]
+        bends[t] += rest[t].T @ (bends[t + 1] @ rest[t])
+    return slopes, np.stack([bends[:, own, own] for own in (slice(first + i, stop, 3) for i in range(3))], 1)
 
 
 def sized_anew(pieces: Pieces, edges: Array) -> list[Pieces]:

@@ -10,6 +10,7 @@ import pytest
 from evidence.calibration.record import drawn_record
 from evidence.strangers.attempt import attempt
 from forceid.estimation.loads.channels import tune_channel
+from forceid.estimation.loads.pieces import character
 from forceid.estimation.loads.pieces.character import with_character
 from forceid.estimation.loads.pieces.edges import Spread, share_of_cells, spread_of
 from forceid.estimation.loads.pieces.impulses import change_cov
@@ -224,3 +225,17 @@ def test_samples_of_a_blow_give_together_what_turns_the_body():
     step, true = float(np.median(np.diff(found.time))), case.recording.truth["moment"][hit]
     gained = (found.moment[hit] - true).sum(0) * step
     assert np.linalg.norm(gained) < 0.012 * np.linalg.norm(true.sum(0) * step)
+
+
+@pytest.mark.skipif(character.compiled is None, reason="no compiler was here")
+@pytest.mark.parametrize("steady", [True, False])
+def test_what_shocks_change_compiled_is_what_is_written_in_numpy(steady):
+    rng, T, n, m = np.random.default_rng(8), 40, 15, 3
+    F = 0.3 * rng.standard_normal((1 if steady else T - 1, n, n))
+    H, run = rng.standard_normal((1 if steady else T, m, n)), np.minimum(np.arange(T), 5)
+    K, W = 0.1 * rng.standard_normal((6, n, m)), rng.standard_normal((6, m, m))
+    seen = rng.uniform(size=T) > 0.2
+    v = np.where(seen[:, None], rng.standard_normal((T, m)), 0.0)
+    given = F, H, run, K, W, v, seen, 6, 12
+    for ours, plain in zip(character.compiled.shocks(*given), character.shocks_in_numpy(*given), strict=True):
+        np.testing.assert_allclose(ours, plain, rtol=1e-9, atol=1e-9 * np.abs(plain).max())
