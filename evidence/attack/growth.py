@@ -26,11 +26,12 @@ from scipy.spatial.transform import Rotation
 from evidence.vectors import GRAVITY
 from evidence.written import asked, paged, pictured, table
 from forceid.estimation.long.windows import LONG
+from forceid.files.stored.blocks import AT_ONCE
 from forceid.report.plots.style import BLUE, GRAY, panels
 
 RATE, NOISE = 200.0, 2e-4  # Hz, m
 FEW, SHORT, BEAM = 8, 300, 60  # nodes where frames grow, frames where others do, nodes that bend
-AT_ONCE = 1 << 14  # frames written at a time
+WRITTEN = 1 << 14  # frames written at a time
 ALLOWED = 1.3  # times the line
 GUST, FORGETS, SWING = 2.0, 0.1, 0.5  # m/s2, one standard deviation along an axis; s; Hz
 NOD, SPIN = 10.0, 6.0  # rad/s2, of a nod under gusts; rad/s
@@ -92,8 +93,8 @@ def write(file: Path, frames: int, nodes: int, modes: int) -> None:
         for group in ("body", "motion"):
             f.create_dataset(f"{group}/node", data=[f"n{k}" for k in range(nodes)])
         f["motion"].attrs["gravity"] = GRAVITY
-        for first in range(0, frames, AT_ONCE):
-            t = time[first : first + AT_ONCE]
+        for first in range(0, frames, WRITTEN):
+            t = time[first : first + WRITTEN]
             held = np.broadcast_to(about["position"], (len(t), nodes, 3))
             if modes:
                 q = 2e-3 * np.sin(t[:, None] * pace + phase) / np.sqrt(modes)
@@ -191,7 +192,8 @@ def main() -> None:
         about,
         table(rows),
         "![CPU time and memory over frames, nodes and modes](growth.png)",
-        f"Beyond 4000 nodes four markers stand for all; beyond {LONG} frames, stretches.",
+        f"Beyond {LONG} frames, stretches; where the positions of one take over {AT_ONCE / 1e6:g} MB, four "
+        "markers stand for all nodes.",
     )
 
 

@@ -145,7 +145,7 @@ class Motion:
         """Positions (time, node, 3) as they were measured, without those that were filled in."""
         if self.position is None or self.bridged is None:
             return self.position
-        return np.where(np.nan_to_num(self.bridged)[..., None] > 0, np.nan, self.position)
+        return np.where(self.bridged[..., None] > 0, np.nan, self.position)
 
     @property
     def readings(self) -> dict[str, Array]:

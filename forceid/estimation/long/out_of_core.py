@@ -21,7 +21,7 @@ from forceid.config import Settings
 from forceid.errors import ConfigError, DataError
 from forceid.estimation.body.inertia import inertia_of
 from forceid.estimation.body.tetrahedron import Sums, affine_maps, four_nodes, tetrahedron, whitening_basis
-from forceid.estimation.long.windows import Progress, estimate_of_any_length, made, unwatched
+from forceid.estimation.long.windows import LONG, Progress, estimate_of_any_length, made, unwatched
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge
 from forceid.estimation.verdict.innovations import NIS_BAND
@@ -72,7 +72,7 @@ def read_recording(
     gigabytes = before[1] // GIGABYTE
     with (progress if gigabytes else unwatched)(gigabytes, "GB checked") as advance:
         sha256 = fingerprint(path, advance)
-    if not is_large(path):
+    if not is_large(path, LONG):
         return read_checked(path, before, sha256, settings.gravity), ()
     if settings.model == "modal" or settings.part or settings.joint:
         what = "is too large to be held as single nodes, expected model auto, rigid or affine, and no parts"

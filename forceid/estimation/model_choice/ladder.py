@@ -276,12 +276,10 @@ def descend(
     if not near(nested[-1]):
         return chosen(best)
     # the fewer the shapes, the farther force and moment move: the first that is near is found by halving
-    smallest = bisect_left(nested[:-1], True, key=near)
-    # above that, only those that are clearly near are worth another flight
-    several = [i for k, i in enumerate(nested[smallest:]) if near(i) and (not k or steps[i].change <= CLEAR)]
-    # the smallest is mostly enough; of the others, each of which costs a flight, the first that is by halving
-    rest = several[1:]
-    if not several or enough(several[0]):
-        return chosen(several[0] if several else best)
+    smallest, *larger = nested[bisect_left(nested[:-1], True, key=near) :]
+    if enough(smallest):  # as it mostly is
+        return chosen(smallest)
+    # above that, only those clearly near are worth another flight: the first that is enough, by halving
+    rest = [i for i in larger if near(i) and steps[i].change <= CLEAR]
     place = bisect_left(rest, True, key=enough)
     return chosen(rest[place] if place < len(rest) else best)

@@ -22,7 +22,9 @@ from forceid.files.values import NC_FILL, Stored, read_real, real_attr, text, un
 from forceid.records import Array, Recording
 
 LARGE = 1 << 30  # bytes of positions: an estimate that holds them takes some ten times as much
-MANY = 4000  # nodes: an estimate that looks at each of them takes a quarter of a minute
+AT_ONCE = (
+    200_000_000  # bytes of the positions of a stretch: to look at each takes 3 GB and a third of a minute
+)
 BLOCK = 1 << 23  # bytes of positions that are looked at together: they stay in the cache
 
 
@@ -76,14 +78,20 @@ class Positions:
         return block
 
 
-def is_large(path: str | Path) -> bool:
-    """Whether the positions of a motion file, known to be whole, are too many to be held at once."""
+def is_large(path: str | Path, stretch: int) -> bool:
+    """Whether the positions of a motion file, known to be whole, are too many for an estimate to hold.
+
+    stretch: frames, at most, that it looks at together.
+    """
     with open_hdf5(path, checked=True) as f:
         group = guarded(f, "motion", f"{path}:") if holds(f, "motion", f"{path}:") else None
         known = isinstance(group, h5py.Group) and holds(group, "position", f"{path}:/motion")
         item = guarded(group, "position", f"{path}:/motion") if known else None
         shape = getattr(item, "shape", None)
-    return shape is not None and len(shape) == 3 and (8 * math.prod(shape) > LARGE or shape[1] > MANY)
+    if shape is None or len(shape) != 3:
+        return False
+    together = min(stretch, shape[0]), *shape[1:]
+    return bool(8 * math.prod(shape) > LARGE or 8 * math.prod(together) > AT_ONCE)
 
 
 @contextmanager

@@ -156,12 +156,13 @@ def wild_rates(rate: Array) -> Flags:
 
 def median(a: Array) -> Array:
     """Median over the second axis, without NaN; zero where all are."""
-    seen, most = np.isfinite(a), a.shape[1]
+    ordered, most = np.sort(np.ascontiguousarray(np.moveaxis(a, 1, -1))), a.shape[1]  # NaN last
+    seen = np.isfinite(ordered)
     if most and seen.all():
-        return np.asarray(np.median(a, axis=1))
-    ordered, count = np.sort(a, axis=1), seen.sum(1)  # NaN last
-    low, high = (np.maximum(count - 1, 0) // 2, np.maximum(count, 1) // 2)
-    pick = [np.take_along_axis(ordered, k[:, None], 1)[:, 0] for k in (low, np.minimum(high, a.shape[1] - 1))]
+        return np.asarray(0.5 * (ordered[..., (most - 1) // 2] + ordered[..., most // 2]))
+    count = seen.sum(-1)
+    low, high = np.maximum(count - 1, 0) // 2, np.minimum(np.maximum(count, 1) // 2, most - 1)
+    pick = [np.take_along_axis(ordered, k[..., None], -1)[..., 0] for k in (low, high)]
     return np.asarray(np.where(count > 0, 0.5 * (pick[0] + pick[1]), 0.0))
 
 
