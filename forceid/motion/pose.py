@@ -126,25 +126,27 @@ def frame_fit(
 
 def fit_one(fit: FrameFit, position: Array) -> tuple[Array, Array, Array]:
     """Center (3,), rotation (3, 3) and residual (node, 3), body axes, of one frame (node, 3)."""
-    center, R, _, residual, _ = fitted(fit, position[None], ONLY)
+    center, R, _, residual = placed(fit, position[None], ONLY)
     return center[0], R[0], residual[0]
 
 
 def fitted(fit: FrameFit, position: Array, at: Indices) -> tuple[Array, Array, Array, Array, Array]:
-    """Poses of frames `at` that see the pattern of the fit: center, rotation, cov, residual, chi_square.
+    """Poses of frames `at` that see the pattern of the fit: center, rotation, cov, residual, chi_square."""
+    center, R, cov, residual = placed(fit, position, at)
+    return center, R, cov, residual, chi_squares(residual, fit.pattern, fit.gain[2])
 
-    Compiled where a compiler was.
-    """
+
+def placed(fit: FrameFit, position: Array, at: Indices) -> tuple[Array, Array, Array, Array]:
+    """`fitted` without chi_square. Compiled where a compiler was."""
     if compiled is None:
-        in_numpy = fitted_in_numpy(fit, position[at])
-        return *in_numpy, chi_squares(in_numpy[3], fit.pattern, fit.gain[2])
-    A, C, noise = fit.gain
+        return fitted_in_numpy(fit, position[at])
+    A, C, _ = fit.gain
     *found, arrived = compiled.fitted(position, at, fit.nodes, fit.shape, fit.start[fit.nodes], A, C)
     if len(hard := np.flatnonzero(arrived != 1)):
         for whole, part in zip(found, fitted_in_numpy(fit, position[at[hard]]), strict=True):
             whole[hard] = part
     center, R, cov, residual = found
-    return center, R, cov, residual, chi_squares(residual, fit.pattern, noise)
+    return center, R, cov, residual
 
 
 def chi_squares(residual: Array, pattern: Flags, noise: ReadingCov) -> Array:
