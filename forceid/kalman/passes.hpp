@@ -13,6 +13,7 @@ using strips::add_products, strips::Columns, strips::follow, strips::Memory;
 
 constexpr Size BLOCK = 32;          // samples of a recursion that are gone through at once
 constexpr Size SETTLES = 512;       // samples that room is made for until a covariance rests; more is made then
+constexpr Size SEVERAL = 4;         // signals from which a step of all at once is quicker
 constexpr int LAG = 8;              // samples between two looks at whether a covariance has come to rest
 constexpr double REMAINING = 1e-12; // of a covariance, still to go by the rate at which it comes to rest
 constexpr double ROUNDING = 1e-13;  // a change over LAG samples that rounding alone makes
@@ -402,6 +403,12 @@ struct Path {
 
 INLINE double zero_if_missing(double z) { return z == z ? z : 0.0; }
 
+// y (signals, n) = x (signals, m) a^T of a (n, m), by a^T: where there are several, all of them at once
+INLINE void each_times(const double *a, const double *a_t, const double *x, double *y, Size signals, int n, int m) {
+  if (signals >= SEVERAL) return multiply(x, a_t, y, static_cast<int>(signals), m, n);
+  for (Size s = 0; s < signals; ++s) row_times(a, x + s * m, y + s * n, n, m);
+}
+
 // A run of mean_pass behind its first sample, for as many signals as fill lanes; returns how many.
 Size means_in_lanes(const double *A, const double *B, const Along &u, bool driven, const double *z, double *x,
                            Size first, Size stop, Size signals, int n, int m) {
@@ -443,25 +450,28 @@ Out mean_pass(Array F_, Array u_, Array H_, Index start_, Array K_, Array x0, Ar
   const double *z = z_.data();
   const Size *start = start_.data();
   const int inputs = driven ? m + n : m; // of the recursion: the measurement, and the known input through 1 - K H
-  Buffer pred(n), e(m), A(n * n), v(BLOCK * inputs), B(n * inputs), I_KH(n * n);
+  Buffer pred(signals * n), e(signals * m), A(n * n), v(BLOCK * inputs), B(n * inputs), I_KH(n * n), F_t(n * n), K_t(m * n);
+  if (signals >= SEVERAL) transpose(F.at(0), F_t.data(), n, n);
   for (Size r = 0; r < runs; ++r) {
     const Size first = start[r], stop = r + 1 < runs ? start[r + 1] : T;
     const double *K = K_.data() + r * n * m;
     // the first sample of a run in two steps: it may follow another gain
-    for (Size s = 0; s < signals; ++s) {
-      double *now = x + (first * signals + s) * n;
-      if (first == 0) {
-        std::copy(x0.data() + s * n, x0.data() + (s + 1) * n, pred.begin());
-      } else {
-        row_times(F.at(first - 1), now - signals * n, pred.data(), n, n);
-        if (driven)
-          for (int i = 0; i < n; ++i) pred[i] += u.at(first - 1)[i];
-      }
-      row_times(H.at(first), pred.data(), e.data(), m, n);
-      for (int c = 0; c < m; ++c) e[c] = zero_if_missing(z[(first * signals + s) * m + c]) - e[c];
-      row_times(K, e.data(), now, n, m);
-      for (int i = 0; i < n; ++i) now[i] += pred[i];
+    double *now = x + first * signals * n;
+    if (signals >= SEVERAL) {
+      if (first > 0 && F.time > 1) transpose(F.at(first - 1), F_t.data(), n, n);
+      transpose(K, K_t.data(), n, m);
     }
+    if (first == 0) {
+      std::copy(x0.data(), x0.data() + signals * n, pred.begin());
+    } else {
+      each_times(F.at(first - 1), F_t.data(), now - signals * n, pred.data(), signals, n, n);
+      if (driven)
+        for (Size i = 0; i < signals * n; ++i) pred[i] += u.at(first - 1)[i % n];
+    }
+    for (Size s = 0; s < signals; ++s) row_times(H.at(first), &pred[s * n], &e[s * m], m, n);
+    for (Size i = 0; i < signals * m; ++i) e[i] = zero_if_missing(z[first * signals * m + i]) - e[i];
+    each_times(K, K_t.data(), e.data(), now, signals, n, m);
+    for (Size i = 0; i < signals * n; ++i) now[i] += pred[i];
     if (stop - first < 2) continue;
     closed_loop(F.at(0), H.at(0), K, A.data(), n, m);
     multiply(K, H.at(0), I_KH.data(), n, m, n);
@@ -539,8 +549,9 @@ Out adjoint_pass(Array F_, Array u_, Array H_, Index start_, Array P_, Array K_,
   double *smoothed = smoothed_.data();
   const double *x = x_.data(), *z = z_.data();
   const Size *start = start_.data();
-  Buffer adjoint(signals * n, 0.0), pred(n), e(m), g(m), S_inv(m * m), H_t(n * m), F_t(n * n), A(n * n), A_t(n * n),
-      HF(m * n), Hu(m, 0.0), E(n * m), HS(n * m), back(n), error(BLOCK * m);
+  Buffer adjoint(signals * n, 0.0), pred(signals * n), e(m), g(m), S_inv(m * m), H_t(n * m), F_t(n * n), A(n * n),
+      A_t(n * n), HF(m * n), Hu(m, 0.0), E(n * m), HS(n * m), back(signals * n), error(BLOCK * m), turned(n * n);
+  if (F.time == 1) transpose(F.at(0), turned.data(), n, n);
   Memory predicted, told;
   for (Size r = runs; r-- > 0;) {
     const Size first = start[r], stop = r + 1 < runs ? start[r + 1] : T;
@@ -620,16 +631,18 @@ Out adjoint_pass(Array F_, Array u_, Array H_, Index start_, Array P_, Array K_,
         path.put(0, 1, rt, 0);
       }
     }
-    for (Size s = 0; s < signals; ++s) { // the first sample of the run, and the step to it
+    // the first sample of the run, and the step to it
+    const Size k = first;
+    each_times(P, P, adjoint.data(), smoothed + k * row, signals, n, n);
+    for (Size i = 0; i < row; ++i) smoothed[k * row + i] += x[k * row + i];
+    if (k == 0) continue;
+    if (F.time > 1) transpose(F.at(k - 1), turned.data(), n, n);
+    each_times(F.at(k - 1), turned.data(), x + (k - 1) * row, pred.data(), signals, n, n);
+    for (Size i = 0; i < row; ++i) pred[i] += u.at(k - 1)[i % n];
+    for (Size s = 0; s < signals; ++s) {
       double *rt = adjoint.data() + s * n;
-      const Size k = first;
       const Size at = k * signals + s;
-      row_times(P, rt, smoothed + at * n, n, n);
-      for (int i = 0; i < n; ++i) smoothed[at * n + i] += x[at * n + i];
-      if (k == 0) continue;
-      row_times(F.at(k - 1), x + (at - signals) * n, pred.data(), n, n);
-      for (int i = 0; i < n; ++i) pred[i] += u.at(k - 1)[i];
-      row_times(H.at(k), pred.data(), e.data(), m, n);
+      row_times(H.at(k), &pred[s * n], e.data(), m, n);
       // of a channel that is missing, S_inv and K are zero: it adds nothing
       for (int c = 0; c < m; ++c) e[c] = zero_if_missing(z[at * m + c]) - e[c];
       row_times(S_inv.data(), e.data(), g.data(), m, m);
@@ -637,13 +650,9 @@ Out adjoint_pass(Array F_, Array u_, Array H_, Index start_, Array P_, Array K_,
         for (int i = 0; i < n; ++i) g[c] -= K[i * m + c] * rt[i];
       for (int c = 0; c < m; ++c)
         for (int i = 0; i < n; ++i) rt[i] += H.at(k)[c * n + i] * g[c];
-      for (int i = 0; i < n; ++i) {
-        double sum = 0.0;
-        for (int j = 0; j < n; ++j) sum += F.at(k - 1)[j * n + i] * rt[j];
-        back[i] = sum;
-      }
-      std::copy(back.begin(), back.end(), rt);
     }
+    each_times(turned.data(), F.at(k - 1), adjoint.data(), back.data(), signals, n, n);
+    std::swap(adjoint, back);
   }
   return smoothed_;
 }

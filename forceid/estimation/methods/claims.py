@@ -18,6 +18,7 @@ from forceid.estimation.loads.hidden.left_out import hidden_load, least_band, li
 from forceid.estimation.loads.hidden.loads_on_modes import as_fast_as_on_modes, loads_shown
 from forceid.estimation.loads.hidden.misfit import shown_misfit, typical_variance
 from forceid.estimation.loads.hidden.order_uncertainty import Rivals
+from forceid.estimation.loads.hidden.patterns import under_smaller
 from forceid.estimation.loads.hidden.whitened import Whitened, whitened
 from forceid.estimation.loads.pieces.edges import spread_of, with_edges_known
 from forceid.estimation.loads.pieces.impulses import edges_of, impulses
@@ -160,8 +161,10 @@ def allow_for_priors(problem: Problem) -> Problem:
         kin.inertia.gyration if problem.motion.gravity.any() else 0.0
     )  # of a force; what flies without weight has none
     doubt, believed = problem.settings.body_std, problem.body.center_off is None
+    under = {name: under_smaller(look, body_told.found_of(state, name)) for name, look in looks.items()}
     wrong = {
-        name: body_told.told_in(name, looks[name], state, kin.inertia, doubt, levers, inside) for name in told
+        name: body_told.told_in(name, looks[name], under[name], state, kin.inertia, doubt, levers, inside)
+        for name in told
     }
     allowed = body_told.allow_for_told(wrong, state, growth, believed)
     growth = allowed.growth
@@ -178,7 +181,7 @@ def allow_for_priors(problem: Problem) -> Problem:
     if not inside:
         return replace(problem, growth=growth)
     off = wrong["moment"].std if "moment" in wrong else 0.0
-    growth, said = inner_wheel.allow_for_wheels(looks["moment"], state, growth, levers, off)
+    growth, said = inner_wheel.allow_for_wheels(looks["moment"], under["moment"], state, growth, levers, off)
     return replace(problem, growth=growth).noting(*said)
 
 

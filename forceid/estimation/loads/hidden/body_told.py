@@ -28,7 +28,7 @@ from forceid.config import BodyStdSetting
 from forceid.estimation.body.inertia import Inertia
 from forceid.estimation.loads.hidden.inner_wheel import LEVERS, STRONG, TOLD, TURNING, WHEEL
 from forceid.estimation.loads.hidden.order_uncertainty import claimed_along, grown
-from forceid.estimation.loads.hidden.patterns import MOST_GAINED, likeliest_amounts, patterns_held
+from forceid.estimation.loads.hidden.patterns import MOST_GAINED, Smaller, likeliest_amounts, patterns_held
 from forceid.estimation.loads.hidden.signatures import balanced
 from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.estimation.verdict.catalogue import note
@@ -49,11 +49,13 @@ OF_SIZE, NONE = slice(17, 18), slice(0)  # columns that no motion tells: the las
 class Suspect:
     """What of a body may be told wrong, beside its rivals, in the channel of the load that it makes.
 
-    look: the channel beside all of these; columns: of what may be wrong by std each, beforehand, `size`: of
-    what no motion tells; rivals: columns, and std of their amounts; stated: whether how well it is known was.
+    look: the channel beside all of these, under: smaller loads; columns: of what may be wrong by std each,
+    beforehand, `size`: of what no motion tells; rivals: columns, and std of their amounts; stated: whether how
+    well it is known was.
     """
 
     look: Whitened
+    under: Smaller
     columns: slice
     size: slice
     std: float
@@ -104,6 +106,7 @@ class Allowance(NamedTuple):
 def told_in(
     load: str,
     look: Whitened,
+    under: Smaller,
     state: FlightState,
     inertia: Inertia,
     doubt: BodyStdSetting,
@@ -111,7 +114,7 @@ def told_in(
     inside: bool,
 ) -> Suspect:
     """What of a body may be told wrong in the channel of a load: look, beside `by_center`, or beside
-    `inner_wheel.signals` and `by_inertia` behind them.
+    `inner_wheel.signals` and `by_inertia` behind them, under smaller loads.
 
     doubt: as stated; lever m: of a force that turns the body, 0 for none; inside: whether a wheel may be.
     """
@@ -124,7 +127,7 @@ def told_in(
         rivals = [(TURNING, size), *((columns, lever) for columns in LEVERS), (WHEEL, wheel)]
         rivals, said = [*rivals, (OF_SIZE, doubt.inertia or SWUNG)], doubt.inertia
         columns, unseen, std = TOLD, OF_SIZE, said or SWUNG
-    return Suspect(look, columns, unseen, std, tuple(one for one in rivals if one[1]), bool(said))
+    return Suspect(look, under, columns, unseen, std, tuple(one for one in rivals if one[1]), bool(said))
 
 
 def wrongs(told: Mapping[str, Suspect], state: FlightState, growth: Array) -> Iterator[Wrong]:
@@ -135,23 +138,23 @@ def wrongs(told: Mapping[str, Suspect], state: FlightState, growth: Array) -> It
         claimed = np.sqrt(claimed_along(axes, grown(state, growth).wrench_cov[:, own, own]))
         if not SIGMAS * one.std * np.sqrt(np.mean((made**2).sum(2), axis=0) / claimed**2).max() > TENTH:
             continue
-        gained, steady, amounts, cov = beside_rivals(one, found_of(state, load))
+        gained, steady, amounts, cov = beside_rivals(one)
         square = (made @ amounts) ** 2 + np.einsum("tah,hk,tak->ta", made, cov, made, optimize=True)
         off = np.sqrt(np.mean(square + one.std**2 * (unseen**2).sum(2), axis=0))
         yield Wrong(load, gained, steady, amounts, off, claimed, axes)
 
 
-def beside_rivals(told: Suspect, size: float) -> tuple[float, bool, Array, Array]:
+def beside_rivals(told: Suspect) -> tuple[float, bool, Array, Array]:
     """Log-likelihood that a record gains by what is told wrong, whether that is steady (parts of the record
     gain by it, but no more by amounts of their own), its amounts (column,), and their covariance.
 
-    With it and without it each rival is as likely there as none; size: of the load found.
+    With it and without it each rival is as likely there as none.
     """
     every = np.arange(told.look.also.shape[2])
     of = [(told.columns, told.std), *told.rivals]
     wrong, *rivals = [(every[own], np.full(len(every[own]), std)) for own, std in of]
     both = [(np.append(wrong[0], own), np.append(wrong[1], std)) for own, std in rivals]
-    held = patterns_held(told.look, [wrong, *both, *rivals], size)
+    held = patterns_held(told.look, told.under, [wrong, *both, *rivals])
     with_it, without = held[: len(both) + 1], [0.0, *(one.gained for one in held[len(both) + 1 :])]
     each, own = np.array([one.gained for one in with_it]), slice(len(wrong[0]))
     total = np.logaddexp.reduce(each)

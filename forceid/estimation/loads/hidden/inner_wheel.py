@@ -24,7 +24,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from forceid.estimation.loads.hidden.order_uncertainty import claimed_along, grown
-from forceid.estimation.loads.hidden.patterns import Held, patterns_held
+from forceid.estimation.loads.hidden.patterns import Held, Smaller, patterns_held
 from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import length
@@ -67,6 +67,7 @@ def signals(time: Array, rotation: Array, force: Array) -> Array:
 
 def allow_for_wheels(
     look: Whitened,
+    under: Smaller,
     state: FlightState,
     growth: Array,
     lever: float,
@@ -76,7 +77,8 @@ def allow_for_wheels(
 
     By the law of total variance: unlike a load, a wheel has a largest size that the variance may rest on.
     look: at the channel of the moment, beside `signals` and, where told is not zero, what an inertia told
-    wrong makes, which is that far off; lever m: of a force, the radius of gyration, 0 for none.
+    wrong makes, which is that far off; under: smaller loads; lever m: of a force, the radius of gyration, 0
+    for none.
     """
     edge, axes = len(state.wrench_cov) // 8, look.prior.axes_along(state.rotation)
     inner = slice(edge, len(state.wrench_cov) - edge)
@@ -85,7 +87,7 @@ def allow_for_wheels(
     rivals = [(TURNING, size), *((columns, lever) for columns in LEVERS), (TOLD, told)]
     rivals = [(columns, std) for columns, std in rivals if std]
     sizes = sizes_of_wheels(look, length(state.H) / np.sqrt(3), TENTH * float(np.linalg.norm(claimed)))
-    held = patterns_held(look, [*rivals, *((WHEEL, one) for one in sizes)], size)
+    held = patterns_held(look, under, [*rivals, *((WHEEL, one) for one in sizes)])
     without = float(np.mean([1.0, *(np.exp(one.gained) for one in held[: len(rivals)])]))
     found = wheels(look, sizes, held[len(rivals) :])
     total = without + sum(wheel.odds for wheel in found)

@@ -6,8 +6,10 @@ passed for, so that smaller loads are tried beside it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from typing import TypeAlias
 
 import numpy as np
 from scipy.special import huber
@@ -15,6 +17,8 @@ from scipy.special import huber
 from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.records import Array, Indices
 from forceid.significance import OUTLIER, TENTH
+
+Smaller: TypeAlias = "Callable[[float, float], tuple[float, Array]]"
 
 MOST_GAINED = 500.0  # log-likelihood beyond which odds are certain, and their numbers too large to hold
 QUARTERS = 4  # of a record, in which a pattern that is none will differ
@@ -34,13 +38,27 @@ class Held:
     cov: Array
 
 
+def under_smaller(look: Whitened, size: float) -> Smaller:
+    """What a channel shows under a share of the load found, with a mean of a share of this size.
+
+    The log-likelihood of the record, and `products_in_parts`; each share is filtered once, whoever asks.
+    """
+
+    @cache
+    def under(share: float, of_mean: float) -> tuple[float, Array]:
+        one = look.filtered(look.prior.scaled(share, size * of_mean))
+        return float(one.log_likelihood[0]), products_in_parts(np.nan_to_num(one.innovation))
+
+    return under
+
+
 def patterns_held(
-    look: Whitened, patterns: Sequence[tuple[Indices | slice | list[int], float | Array]], size: float
+    look: Whitened, under: Smaller, patterns: Sequence[tuple[Indices | slice | list[int], float | Array]]
 ) -> list[Held]:
     """How far a record holds patterns: each some columns of what a channel may show, and the std of amounts.
 
-    With and without one the load may be of any size up to the one found, and its mean as well, which is of
-    this size: each half of the last, as long as the record is likelier with any pattern.
+    under: the channel under smaller loads. With and without a pattern the load may be of any size up to the
+    one found, and its mean as well: each half of the last, while the record is likelier with any pattern.
     """
     every, none = np.arange(look.also.shape[2]), list[float]()
     own = [(every[columns], std * np.ones(len(every[columns]))) for columns, std in patterns]
@@ -48,9 +66,8 @@ def patterns_held(
     for mean_too in (False, True):
         highest = np.full(len(patterns), -np.inf)
         for share in 0.5 ** np.arange(mean_too, SIZES):
-            one = look.filtered(look.prior.scaled(share, size * share**mean_too))
-            products = products_in_parts(np.nan_to_num(one.innovation))
-            none.append(float(one.log_likelihood[0]))
+            likely, products = under(float(share), float(share**mean_too))
+            none.append(likely)
             for found, (columns, std) in zip(each, own, strict=True):
                 amount, cov, more = amounts(products, columns, std)
                 found.append((none[-1] + more, amount, cov))

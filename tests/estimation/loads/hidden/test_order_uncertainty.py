@@ -5,7 +5,7 @@ import numpy as np
 from forceid.estimation.loads.channels import tune_channel
 from forceid.estimation.loads.hidden.left_out import densities
 from forceid.estimation.loads.hidden.order_uncertainty import Rivals, growth_of, shares_lost
-from forceid.estimation.loads.hidden.patterns import patterns_held
+from forceid.estimation.loads.hidden.patterns import patterns_held, under_smaller
 from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.flight.channels import CHANNEL_SAMPLES, Channel
 from forceid.flight.priors.protocol import channel_model
@@ -132,7 +132,9 @@ def test_evidence_gains_by_what_explains_the_channel():
     channel = with_load(3.0)
     prior = tune_channel(channel, (1.0, 1.0), ())
     right, wrong = (whitened(channel, prior, engine(), w) for w in (wave, np.roll(wave, 1, axis=1)))
-    (held,), (other,) = (patterns_held(look, [(slice(None), 1.0)], 0.0) for look in (right, wrong))
+    (held,), (other,) = (
+        patterns_held(look, under_smaller(look, 0.0), [(slice(None), 1.0)]) for look in (right, wrong)
+    )
     assert held.gained > 5
     assert other.gained < 0  # for nothing, what is not told beforehand costs
 
