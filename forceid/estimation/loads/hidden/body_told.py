@@ -50,8 +50,8 @@ class Suspect:
     """What of a body may be told wrong, beside its rivals, in the channel of the load that it makes.
 
     look: the channel beside all of these, under: smaller loads; columns: of what may be wrong by std each,
-    beforehand, `size`: of what no motion tells; rivals: columns, and std of their amounts; stated: whether how
-    well it is known was.
+    beforehand, `size`: of what no motion tells; rivals: columns, and std of their amounts; stated: whether
+    how well it is known was.
     """
 
     look: Whitened
