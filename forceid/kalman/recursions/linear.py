@@ -33,6 +33,7 @@ class Passes(Protocol):
     information_pass: Callable[..., tuple[Indices, Array, int]]
     combine: Callable[[Array, Array], Array]
     log_likelihood: Callable[..., Array]
+    innovations: Callable[..., Array]
 
 
 def filter(passes: Passes, model: StateSpace, z: Array) -> Filtered:
@@ -57,23 +58,13 @@ def innovations(passes: Passes, model: StateSpace, z: Array) -> Array:
 
     As of `filter`, but for digits that the first samples after an unknown start may lose; NaN = missing.
     """
-    together = getattr(passes, "innovations", None)  # where steps of all models at once cost as those of one
-    if together and same_gaps(z[..., None]):
-        F, Q, H, R, u = arrays(model, z[..., None])
-        white = np.asarray(together(F, Q, H, R, u, model.x0, model.P0, z[..., None], pattern(z[:, :1])))
+    if same_gaps(z[..., None]):
+        given = *arrays(model, z[..., None]), model.x0, model.P0, z[..., None], pattern(z[:, :1])
+        white = np.asarray(passes.innovations(*given))
         if np.array_equal(np.isfinite(white), np.isfinite(z)):
             return white
-    found = []
-    for one, own in ((model.one(j), z[:, [j]]) for j in range(z.shape[1])):
-        F, Q, H, R, u = arrays(one, own)
-        runs = passes.covariance_pass(F, Q, H, R, one.P0, pattern(own), time_invariant(one))
-        if runs[-1] >= 0:
-            found.append(filter(passes, one, own).innovation)
-            continue
-        g = Gains(len(own), *runs[:-1])
-        x = passes.mean_pass(F, u, H, g.start, g.K, one.x0[None], own[:, None])
-        found.append(Filtered(one, own, x[:, 0], g).innovation)
-    return np.concatenate(found, 1)
+    each = ((model.one(j), z[:, j]) for j in range(z.shape[1]))
+    return np.concatenate([filter(passes, one, own).innovation for one, own in each], 1)
 
 
 def smooth(passes: Passes, model: StateSpace, z: Array) -> Smoothed:
