@@ -279,7 +279,8 @@ def descend(
     smallest, *larger = nested[bisect_left(nested[:-1], True, key=near) :]
     if enough(smallest):  # as it mostly is
         return chosen(smallest)
-    # above that, only those clearly near are worth another flight: the first that is enough, by halving
-    rest = [i for i in larger if near(i) and steps[i].change <= CLEAR]
-    place = bisect_left(rest, True, key=enough)
+    # above that, only those clearly near are worth another flight: both found by halving as well
+    clearly = bisect_left(larger, True, key=lambda i: near(i) and steps[i].change <= CLEAR)
+    rest = larger[clearly:]
+    place = bisect_left(rest, True, key=lambda i: near(i) and enough(i))
     return chosen(rest[place] if place < len(rest) else best)
