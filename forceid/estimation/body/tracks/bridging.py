@@ -4,24 +4,32 @@ A lost marker moves on beside its neighbors: on the rigid body those spanned by 
 with their mean where that is all there is, or by itself. Its position in such a frame is continued by
 polynomials of time from the samples on both sides. Which frame, how many samples and which degree is no
 choice of ours: gaps of the same length are made where the marker is seen, and the bridge that fills those
-best is taken. What it missed there is the error that it is claimed with.
+best is taken. What it missed there is the error that it is claimed with. Where many markers are lost, all
+bridges are tried at some of them, and at the others those that were best there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from forceid.kalman.tuning.robust import runs
 from forceid.motion import fit_rotation
 from forceid.records import Array, Flags, Indices, all_finite
+from forceid.rounding import SINGLE
 
 TRIALS = 16  # gaps made to judge a bridge: its mean square is known to a third
 LENGTH_RATIO = 1.5  # ratio of two lengths of gaps that are judged apart
 NEIGHBORS = (0, 1, 3, 4, 6)  # that a frame is made of, and all of them: three are the fewest that turn
 SIDES = (2, 4, 12, 40, 160)  # samples on either side that a bridge rests on, from the least to a long record
+NEAREST = 64  # markers that neighbors are chosen from: the error of a frame falls by the root of their number
+JUDGED = 8  # markers where all bridges are tried: what is best at none of them is rarely best elsewhere
+AS_GOOD = 2.0  # times the least mean square, of bridges as good as the best: each is known to a third
+REMEMBERED = 4096  # sets of weights, of some kB: an even clock has the same ones again and again
 DEGREES = (0, 1, 3)  # of its polynomial: held, with the slopes at both ends, with the curvatures
 
 
@@ -47,19 +55,32 @@ def bridged(time: Array, position: Array, nodes: Flags) -> Bridged:
     some = seen[:, nodes].any(1)
     lost = np.flatnonzero(nodes & seen.any(0) & ~seen[some].all(0)).tolist()
     near = {k: neighbors(position, seen, k) for k in lost}
+    step = np.diff(time)
+    if np.ptp(step) < SINGLE * np.median(step):  # weights know a time by its place among the others alone
+        time = np.arange(len(time), dtype=float)
     judged: dict[tuple[int, int], list[tuple[float, Bridge]]] = {}
-    # short gaps first: what fills them is seen by its neighbors when theirs are filled
-    every = sorted((length, k, first) for k in lost for first, length in runs(~seen[:, k] & some))
-    for length, k, first in every:
-        size = int(np.round(np.log(length) / np.log(LENGTH_RATIO)))
-        if (k, size) not in judged:
-            judged[k, size] = rank_bridges(time, x, seen, k, near[k], length)
-        gap = np.arange(first, first + length)
-        for mean_square, bridge in judged[k, size]:
-            filled = dict(fillings(time, x, seen, k, near[k], gap, [bridge]))
-            if filled:
-                x[gap, k], var[gap, k], seen[gap, k] = filled[bridge], mean_square, True
-                break
+    best: dict[int, list[Bridge]] = {}  # of each length, at the markers where all bridges were tried
+    by_few: set[tuple[int, int]] = set()  # at which only these were
+    # short gaps first: what fills them is seen by its neighbors when theirs are filled; of these the markers
+    # first that are judged by all bridges, evenly spread
+    judges = {lost[i] for i in np.linspace(0, len(lost) - 1, JUDGED).astype(int)} if lost else set()
+    every = sorted((n, k not in judges, k, first) for k in lost for first, n in runs(~seen[:, k] & some))
+    for length, _, k, first in every:
+        size, gap = int(np.round(np.log(length) / np.log(LENGTH_RATIO))), np.arange(first, first + length)
+        shown = Shown(time, x[:, k], seen[:, k], x[:, near[k]], seen[:, near[k]])
+        found = best.setdefault(size, [])
+        if (k, size) not in judged and len(found) >= JUDGED:
+            ranked = rank_bridges(shown, length, list(dict.fromkeys(found)))
+            judged[k, size] = [one for one in ranked if one[0] < AS_GOOD * ranked[0][0]]
+            by_few.add((k, size))
+        filled = first_filling(judged.get((k, size), []), shown, gap)
+        if filled is None and ((k, size) not in judged or (k, size) in by_few):
+            judged[k, size] = rank_bridges(shown, length, list(bridges(len(near[k]))))
+            found += [bridge for _, bridge in judged[k, size][:1] if (k, size) not in by_few]
+            by_few.discard((k, size))
+            filled = first_filling(judged[k, size], shown, gap)
+        if filled is not None:
+            (x[gap, k], var[gap, k]), seen[gap, k] = filled, True
     return Bridged(x, var)
 
 
@@ -72,11 +93,32 @@ class Bridge:
     degree: int
 
 
-def fillings(
-    time: Array, position: Array, seen: Flags, k: int, near: Indices, gap: Indices, ways: Sequence[Bridge]
-) -> Iterator[tuple[Bridge, Array]]:
-    """Positions (gap, 3) of node k in a gap by each of some bridges that has something to rest on."""
-    own = np.flatnonzero(seen[:, k])
+class Shown(NamedTuple):
+    """What a node and its neighbors show: time (time,), x (time, 3) and near (time, neighbor, 3), each with
+    when it is seen.
+    """
+
+    time: Array
+    x: Array
+    seen: Flags
+    near: Array
+    near_seen: Flags
+
+
+def first_filling(
+    ranked: Sequence[tuple[float, Bridge]], shown: Shown, gap: Indices
+) -> tuple[Array, float] | None:
+    """Positions (gap, 3) in a gap by the first bridge that has something to rest on, and its error."""
+    for mean_square, way in ranked:
+        for _, filled in fillings(shown, gap, [way]):
+            return filled, mean_square
+    return None
+
+
+def fillings(shown: Shown, gap: Indices, ways: Sequence[Bridge]) -> Iterator[tuple[Bridge, Array]]:
+    """Positions (gap, 3) of a node in a gap by each of some bridges that has something to rest on."""
+    time, x, seen, near, near_seen = shown
+    own = np.flatnonzero(seen)
     own = own[(own < gap[0]) | (own > gap[-1])]
     at = np.searchsorted(own, gap[0])
     # what bridges share is found once: samples and weights those of a side, frames those of a count as well
@@ -84,7 +126,7 @@ def fillings(
         before, after = own[max(0, at - side) : at], own[at : at + side]
         rest = np.concatenate([before, after])
         frames = np.concatenate([rest, gap])
-        beside = near[seen[np.ix_(frames, near)].all(0)]
+        beside = np.flatnonzero(near_seen[frames].all(0))
         carried: dict[int, tuple[Array, Array, Array]] = {}
         weigh: dict[int, Array] = {}
         for way in (w for w in ways if w.side == side):
@@ -92,13 +134,13 @@ def fillings(
             if len(rest) < max(2, degree + 1) and not (degree == 0 and len(rest)):
                 continue
             count = min(way.count, len(beside))
-            if count < way.count and not (way.count == len(near) and count >= NEIGHBORS[2]):
+            if count < way.count and not (way.count == near.shape[1] and count >= NEIGHBORS[2]):
                 continue
             if degree not in weigh:
-                weigh[degree] = weights(time[rest], time[gap], degree)
+                weigh[degree] = weights(time[rest] - time[gap[0]], time[gap] - time[gap[0]], degree)
             if count not in carried:
-                origin, R = frame_of(position[np.ix_(frames, beside[:count])], len(frames))
-                y = np.einsum("tba,tb->ta", R[: len(rest)], position[rest, k] - origin[: len(rest)])
+                origin, R = frame_of(near[frames[:, None], beside[:count]], len(frames))
+                y = np.einsum("tba,tb->ta", R[: len(rest)], x[rest] - origin[: len(rest)])
                 carried[count] = origin[len(rest) :], R[len(rest) :], y
             origin, R, y = carried[count]
             yield way, np.asarray(origin + np.einsum("tab,tb->ta", R, weigh[degree] @ y))
@@ -113,37 +155,42 @@ def bridges(neighbors: int) -> Iterator[Bridge]:
                     yield Bridge(count, side, degree)
 
 
-def rank_bridges(
-    time: Array, position: Array, seen: Flags, k: int, near: Indices, length: int
-) -> list[tuple[float, Bridge]]:
-    """Ways to bridge gaps of a length of node k, best first, each with its mean square error (m2)."""
-    whole = np.flatnonzero(seen[:, k])
-    count = np.concatenate([[0], np.cumsum(seen[:, k])])
+def rank_bridges(shown: Shown, length: int, ways: Sequence[Bridge]) -> list[tuple[float, Bridge]]:
+    """Some ways to bridge gaps of a length of a node, best first, each with its mean square error (m2)."""
+    seen, whole = shown.seen, np.flatnonzero(shown.seen)
+    count = np.concatenate([[0], np.cumsum(seen)])
     starts = np.flatnonzero(count[length:] - count[:-length] == length)
     if not len(starts):  # it is never seen for so long: gaps that hide what is seen of it
         starts = whole
     starts = starts[np.unique(np.linspace(0, len(starts) - 1, TRIALS).astype(int))]
-    missed: dict[Bridge, list[float]] = {way: [] for way in bridges(len(near))}
+    missed: dict[Bridge, list[float]] = {way: [] for way in ways}
     for a in starts:
         gap = np.arange(a, min(a + length, len(seen)))
-        gap = gap[seen[gap, k]]
-        for way, filled in fillings(time, position, seen, k, near, gap, list(missed)):
-            missed[way].append(float(((filled - position[gap, k]) ** 2).mean()))
+        gap = gap[seen[gap]]
+        for way, filled in fillings(shown, gap, list(missed)):
+            missed[way].append(float(((filled - shown.x[gap]) ** 2).mean()))
     found = [(float(np.mean(squares)), way) for way, squares in missed.items() if squares]
     return sorted(found, key=lambda f: f[0])
 
 
 def neighbors(position: Array, seen: Flags, k: int) -> Indices:
-    """The other nodes that are seen beside node k, those that keep their distance to it best first."""
-    with_k = position[seen[:, k]]
-    distance = np.linalg.norm(with_k - with_k[:, [k]], axis=2)
-    count = np.isfinite(distance).sum(0)
-    often = count >= 2
-    often[k] = False
+    """The other nodes that are seen beside node k, those that keep their distance to it best first.
+
+    Of many, the nearest: those of some frames that show them.
+    """
+    with_k, among = position[seen[:, k]], np.arange(position.shape[1])
+    if len(among) > NEAREST + 1:
+        some = with_k[np.linspace(0, len(with_k) - 1, TRIALS).astype(int)]
+        apart = np.linalg.norm(some - some[:, [k]], axis=2)
+        far = np.where(np.isfinite(apart), apart, 0.0).sum(0) / np.maximum(np.isfinite(apart).sum(0), 1)
+        far[~np.isfinite(apart).any(0)] = np.inf
+        among = np.sort(np.argsort(far, kind="stable")[: NEAREST + 1])
+    distance = np.linalg.norm(with_k[:, among] - with_k[:, [k]], axis=2)
+    often = (np.isfinite(distance).sum(0) >= 2) & (among != k)
     spread = np.full(len(often), np.inf)
     spread[often] = np.nanstd(distance[:, often], axis=0)
     order = np.argsort(spread, kind="stable")
-    return np.asarray(order[often[order]])
+    return np.asarray(among[order[often[order]]])
 
 
 def frame_of(x: Array, samples: int) -> tuple[Array, Array]:
@@ -154,15 +201,21 @@ def frame_of(x: Array, samples: int) -> tuple[Array, Array]:
     """
     if x.shape[1] == 0:
         return np.zeros((samples, 3)), np.broadcast_to(np.eye(3), (samples, 3, 3))
-    origin = x.mean(1)
     if x.shape[1] < NEIGHBORS[2]:
-        return origin, np.broadcast_to(np.eye(3), (samples, 3, 3))
+        return x.mean(1), np.broadcast_to(np.eye(3), (samples, 3, 3))
     shape = x[0] - x[0].mean(0)
     return fit_rotation(x, shape, np.ones(x.shape[1]))
 
 
 def weights(at: Array, to: Array, degree: int) -> Array:
     """Weights (to, at) that continue samples at some times to others, by a polynomial of least squares."""
+    return weights_of(at.tobytes(), to.tobytes(), degree)
+
+
+@lru_cache(REMEMBERED)
+def weights_of(at_bytes: bytes, to_bytes: bytes, degree: int) -> Array:
+    """`weights` of times by their bytes."""
+    at, to = (np.frombuffer(each) for each in (at_bytes, to_bytes))
     middle, half = to.mean(), max(float(np.abs(at - to.mean()).max()), 1e-300)
     rows = np.vander((at - middle) / half, degree + 1)
     return np.asarray(np.vander((to - middle) / half, degree + 1) @ np.linalg.pinv(rows))
