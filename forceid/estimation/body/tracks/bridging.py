@@ -4,8 +4,9 @@ A lost marker moves on beside its neighbors: on the rigid body those spanned by 
 with their mean where that is all there is, or by itself. Its position in such a frame is continued by
 polynomials of time from the samples on both sides. Which frame, how many samples and which degree is no
 choice of ours: gaps of the same length are made where the marker is seen, and the bridge that fills those
-best is taken. What it missed there is the error that it is claimed with. Where many markers are lost, all
-bridges are tried at some of them, and at the others those that were best there.
+best is taken. What it missed there is the error that it is claimed with, and more where a frame of other
+markers tells the place less well. Where many markers are lost, all bridges are tried at some of them, and at
+the others those that were best there.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ def bridged(time: Array, position: Array, nodes: Flags) -> Bridged:
     step = np.diff(time)
     if np.ptp(step) < SINGLE * np.median(step):  # weights know a time by its place among the others alone
         time = np.arange(len(time), dtype=float)
-    judged: dict[tuple[int, int], list[tuple[float, Bridge]]] = {}
+    judged: dict[tuple[int, int], list[Judged]] = {}
     best: dict[int, list[Bridge]] = {}  # of each length, at the markers where all bridges were tried
     by_few: set[tuple[int, int]] = set()  # at which only these were
     # short gaps first: what fills them is seen by its neighbors when theirs are filled; of these the markers
@@ -67,18 +68,19 @@ def bridged(time: Array, position: Array, nodes: Flags) -> Bridged:
     every = sorted((n, k not in judges, k, first) for k in lost for first, n in runs(~seen[:, k] & some))
     for length, _, k, first in every:
         size, gap = int(np.round(np.log(length) / np.log(LENGTH_RATIO))), np.arange(first, first + length)
-        shown = Shown(time, x[:, k], seen[:, k], x[:, near[k]], seen[:, near[k]])
+        others, moves = near[k]
+        shown = Shown(time, x[:, k], seen[:, k], x[:, others], seen[:, others], moves)
         found = best.setdefault(size, [])
         if (k, size) not in judged and len(found) >= JUDGED:
             ranked = rank_bridges(shown, length, list(dict.fromkeys(found)))
-            judged[k, size] = [one for one in ranked if one[0] < AS_GOOD * ranked[0][0]]
+            judged[k, size] = [one for one in ranked if one.missed < AS_GOOD * ranked[0].missed]
             by_few.add((k, size))
-        filled = first_filling(judged.get((k, size), []), shown, gap)
+        filled = best_filling(judged.get((k, size), []), shown, gap)
         if filled is None and ((k, size) not in judged or (k, size) in by_few):
-            judged[k, size] = rank_bridges(shown, length, list(bridges(len(near[k]))))
-            found += [bridge for _, bridge in judged[k, size][:1] if (k, size) not in by_few]
+            judged[k, size] = rank_bridges(shown, length, list(bridges(len(moves))))
+            found += [one.way for one in judged[k, size][:1] if (k, size) not in by_few]
             by_few.discard((k, size))
-            filled = first_filling(judged[k, size], shown, gap)
+            filled = best_filling(judged[k, size], shown, gap)
         if filled is not None:
             (x[gap, k], var[gap, k]), seen[gap, k] = filled, True
     return Bridged(x, var)
@@ -93,9 +95,17 @@ class Bridge:
     degree: int
 
 
+class Judged(NamedTuple):
+    """A bridge where gaps were made: the mean square (m2) that it missed, and how loose its frames were."""
+
+    missed: float
+    loose: float
+    way: Bridge
+
+
 class Shown(NamedTuple):
     """What a node and its neighbors show: time (time,), x (time, 3) and near (time, neighbor, 3), each with
-    when it is seen.
+    when it is seen; moves (neighbor,) m2: variance of their distance.
     """
 
     time: Array
@@ -103,21 +113,30 @@ class Shown(NamedTuple):
     seen: Flags
     near: Array
     near_seen: Flags
+    moves: Array
 
 
-def first_filling(
-    ranked: Sequence[tuple[float, Bridge]], shown: Shown, gap: Indices
-) -> tuple[Array, float] | None:
-    """Positions (gap, 3) in a gap by the first bridge that has something to rest on, and its error."""
-    for mean_square, way in ranked:
-        for _, filled in fillings(shown, gap, [way]):
-            return filled, mean_square
-    return None
+def best_filling(ranked: Sequence[Judged], shown: Shown, gap: Indices) -> tuple[Array, float] | None:
+    """Positions (gap, 3) in a gap by the best bridge that has something to rest on; its mean square error.
+
+    That grows where a frame is looser than where the bridge was judged.
+    """
+    best: tuple[Array, float] | None = None
+    for one in ranked:
+        if best is not None and best[1] <= one.missed:
+            break
+        for _, filled, loose in fillings(shown, gap, [one.way]):
+            error = one.missed * max(loose / one.loose, 1.0)
+            best = (filled, error) if best is None or error < best[1] else best
+    return best
 
 
-def fillings(shown: Shown, gap: Indices, ways: Sequence[Bridge]) -> Iterator[tuple[Bridge, Array]]:
-    """Positions (gap, 3) of a node in a gap by each of some bridges that has something to rest on."""
-    time, x, seen, near, near_seen = shown
+def fillings(shown: Shown, gap: Indices, ways: Sequence[Bridge]) -> Iterator[tuple[Bridge, Array, float]]:
+    """Positions (gap, 3) of a node in a gap by each of some bridges that has something to rest on.
+
+    Also how loose its frame is, m2: its lever times how its markers move.
+    """
+    time, x, seen, near, near_seen, moves = shown
     own = np.flatnonzero(seen)
     own = own[(own < gap[0]) | (own > gap[-1])]
     at = np.searchsorted(own, gap[0])
@@ -127,7 +146,7 @@ def fillings(shown: Shown, gap: Indices, ways: Sequence[Bridge]) -> Iterator[tup
         rest = np.concatenate([before, after])
         frames = np.concatenate([rest, gap])
         beside = np.flatnonzero(near_seen[frames].all(0))
-        carried: dict[int, tuple[Array, Array, Array]] = {}
+        carried: dict[int, tuple[Array, Array, Array, float]] = {}
         weigh: dict[int, Array] = {}
         for way in (w for w in ways if w.side == side):
             degree = way.degree if len(before) and len(after) else 0
@@ -139,11 +158,13 @@ def fillings(shown: Shown, gap: Indices, ways: Sequence[Bridge]) -> Iterator[tup
             if degree not in weigh:
                 weigh[degree] = weights(time[rest] - time[gap[0]], time[gap] - time[gap[0]], degree)
             if count not in carried:
-                origin, R = frame_of(near[frames[:, None], beside[:count]], len(frames))
+                frame = near[frames[:, None], beside[:count]]
+                origin, R = frame_of(frame, len(frames))
                 y = np.einsum("tba,tb->ta", R[: len(rest)], x[rest] - origin[: len(rest)])
-                carried[count] = origin[len(rest) :], R[len(rest) :], y
-            origin, R, y = carried[count]
-            yield way, np.asarray(origin + np.einsum("tab,tb->ta", R, weigh[degree] @ y))
+                loose = lever_of(frame[0], x[rest[0]]) * float(moves[beside[:count]].mean()) if count else 1.0
+                carried[count] = origin[len(rest) :], R[len(rest) :], y, loose
+            origin, R, y, loose = carried[count]
+            yield way, np.asarray(origin + np.einsum("tab,tb->ta", R, weigh[degree] @ y)), loose
 
 
 def bridges(neighbors: int) -> Iterator[Bridge]:
@@ -155,28 +176,28 @@ def bridges(neighbors: int) -> Iterator[Bridge]:
                     yield Bridge(count, side, degree)
 
 
-def rank_bridges(shown: Shown, length: int, ways: Sequence[Bridge]) -> list[tuple[float, Bridge]]:
-    """Some ways to bridge gaps of a length of a node, best first, each with its mean square error (m2)."""
+def rank_bridges(shown: Shown, length: int, ways: Sequence[Bridge]) -> list[Judged]:
+    """Some ways to bridge gaps of a length of a node, best first."""
     seen, whole = shown.seen, np.flatnonzero(shown.seen)
     count = np.concatenate([[0], np.cumsum(seen)])
     starts = np.flatnonzero(count[length:] - count[:-length] == length)
     if not len(starts):  # it is never seen for so long: gaps that hide what is seen of it
         starts = whole
     starts = starts[np.unique(np.linspace(0, len(starts) - 1, TRIALS).astype(int))]
-    missed: dict[Bridge, list[float]] = {way: [] for way in ways}
+    made: dict[Bridge, list[tuple[float, float]]] = {way: [] for way in ways}
     for a in starts:
         gap = np.arange(a, min(a + length, len(seen)))
         gap = gap[seen[gap]]
-        for way, filled in fillings(shown, gap, list(missed)):
-            missed[way].append(float(((filled - shown.x[gap]) ** 2).mean()))
-    found = [(float(np.mean(squares)), way) for way, squares in missed.items() if squares]
-    return sorted(found, key=lambda f: f[0])
+        for way, filled, loose in fillings(shown, gap, list(made)):
+            made[way].append((float(((filled - shown.x[gap]) ** 2).mean()), loose))
+    means = [(np.mean(each, axis=0).tolist(), way) for way, each in made.items() if each]
+    return sorted((Judged(missed, loose, way) for (missed, loose), way in means), key=lambda one: one.missed)
 
 
-def neighbors(position: Array, seen: Flags, k: int) -> Indices:
+def neighbors(position: Array, seen: Flags, k: int) -> tuple[Indices, Array]:
     """The other nodes that are seen beside node k, those that keep their distance to it best first.
 
-    Of many, the nearest: those of some frames that show them.
+    Also the variance (m2) of that, no less than rounding. Of many, the nearest in some frames that show them.
     """
     with_k, among = position[seen[:, k]], np.arange(position.shape[1])
     if len(among) > NEAREST + 1:
@@ -190,7 +211,9 @@ def neighbors(position: Array, seen: Flags, k: int) -> Indices:
     spread = np.full(len(often), np.inf)
     spread[often] = np.nanstd(distance[:, often], axis=0)
     order = np.argsort(spread, kind="stable")
-    return np.asarray(among[order[often[order]]])
+    order = order[often[order]]
+    size = float(np.nanmax(distance, initial=1e-9))
+    return among[order], np.maximum(spread[order], np.finfo(float).eps * size) ** 2
 
 
 def frame_of(x: Array, samples: int) -> tuple[Array, Array]:
@@ -205,6 +228,24 @@ def frame_of(x: Array, samples: int) -> tuple[Array, Array]:
         return x.mean(1), np.broadcast_to(np.eye(3), (samples, 3, 3))
     shape = x[0] - x[0].mean(0)
     return fit_rotation(x, shape, np.ones(x.shape[1]))
+
+
+def lever_of(frame: Array, x: Array) -> float:
+    """Mean variance of a place x (3,) that turns with markers (node, 3), over that of their coordinates.
+
+    One where they do not turn it.
+
+    >>> square = np.array([[1.0, 1, 0], [1, -1, 0], [-1, 1, 0], [-1, -1, 0]])
+    >>> [round(lever_of(square, np.array([0.0, 0.0, z])), 3) for z in (0.0, 1.0)]
+    [0.25, 0.417]
+    """
+    if len(frame) < NEIGHBORS[2]:
+        return 1.0
+    mean = frame.mean(0)
+    own, d = frame - mean, x - mean
+    spread = own.T @ own
+    turns = np.trace(spread) * (1 + SINGLE) * np.eye(3) - spread
+    return float(1 / len(frame) + np.trace(np.linalg.solve(turns, d @ d * np.eye(3) - np.outer(d, d))) / 3)
 
 
 def weights(at: Array, to: Array, degree: int) -> Array:
