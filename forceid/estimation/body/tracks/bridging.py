@@ -13,13 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
+from forceid.estimation.body.tracks.neighbor_frames import TURN, frame_of, lever_of, neighbors, weights
 from forceid.kalman.tuning.robust import runs
-from forceid.motion import fit_rotation
 from forceid.records import Array, Flags, Indices, all_finite
 from forceid.rounding import SINGLE
 
@@ -27,10 +26,8 @@ TRIALS = 16  # gaps made to judge a bridge: its mean square is known to a third
 LENGTH_RATIO = 1.5  # ratio of two lengths of gaps that are judged apart
 NEIGHBORS = (0, 1, 3, 4, 6)  # that a frame is made of, and all of them: three are the fewest that turn
 SIDES = (2, 4, 12, 40, 160)  # samples on either side that a bridge rests on, from the least to a long record
-NEAREST = 64  # markers that neighbors are chosen from: the error of a frame falls by the root of their number
 JUDGED = 8  # markers where all bridges are tried: what is best at none of them is rarely best elsewhere
 AS_GOOD = 2.0  # times the least mean square, of bridges as good as the best: each is known to a third
-REMEMBERED = 4096  # sets of weights, of some kB: an even clock has the same ones again and again
 DEGREES = (0, 1, 3)  # of its polynomial: held, with the slopes at both ends, with the curvatures
 
 
@@ -153,7 +150,7 @@ def fillings(shown: Shown, gap: Indices, ways: Sequence[Bridge]) -> Iterator[tup
             if len(rest) < max(2, degree + 1) and not (degree == 0 and len(rest)):
                 continue
             count = min(way.count, len(beside))
-            if count < way.count and not (way.count == near.shape[1] and count >= NEIGHBORS[2]):
+            if count < way.count and not (way.count == near.shape[1] and count >= TURN):
                 continue
             if degree not in weigh:
                 weigh[degree] = weights(time[rest] - time[gap[0]], time[gap] - time[gap[0]], degree)
@@ -161,7 +158,8 @@ def fillings(shown: Shown, gap: Indices, ways: Sequence[Bridge]) -> Iterator[tup
                 frame = near[frames[:, None], beside[:count]]
                 origin, R = frame_of(frame, len(frames))
                 y = np.einsum("tba,tb->ta", R[: len(rest)], x[rest] - origin[: len(rest)])
-                loose = lever_of(frame[0], x[rest[0]]) * float(moves[beside[:count]].mean()) if count else 1.0
+                moved = float(moves[beside[:count]].sum()) / count if count else 1.0
+                loose = lever_of(frame[0], x[rest[0]]) * moved
                 carried[count] = origin[len(rest) :], R[len(rest) :], y, loose
             origin, R, y, loose = carried[count]
             yield way, np.asarray(origin + np.einsum("tab,tb->ta", R, weigh[degree] @ y)), loose
@@ -189,77 +187,10 @@ def rank_bridges(shown: Shown, length: int, ways: Sequence[Bridge]) -> list[Judg
         gap = np.arange(a, min(a + length, len(seen)))
         gap = gap[seen[gap]]
         for way, filled, loose in fillings(shown, gap, list(made)):
-            made[way].append((float(((filled - shown.x[gap]) ** 2).mean()), loose))
+            off = filled - shown.x[gap]
+            made[way].append((float(np.vdot(off, off)) / off.size, loose))
     means = [(np.mean(each, axis=0).tolist(), way) for way, each in made.items() if each]
     return sorted((Judged(missed, loose, way) for (missed, loose), way in means), key=lambda one: one.missed)
-
-
-def neighbors(position: Array, seen: Flags, k: int) -> tuple[Indices, Array]:
-    """The other nodes that are seen beside node k, those that keep their distance to it best first.
-
-    Also the variance (m2) of that, no less than rounding. Of many, the nearest in some frames that show them.
-    """
-    with_k, among = position[seen[:, k]], np.arange(position.shape[1])
-    if len(among) > NEAREST + 1:
-        some = with_k[np.linspace(0, len(with_k) - 1, TRIALS).astype(int)]
-        apart = np.linalg.norm(some - some[:, [k]], axis=2)
-        far = np.where(np.isfinite(apart), apart, 0.0).sum(0) / np.maximum(np.isfinite(apart).sum(0), 1)
-        far[~np.isfinite(apart).any(0)] = np.inf
-        among = np.sort(np.argsort(far, kind="stable")[: NEAREST + 1])
-    distance = np.linalg.norm(with_k[:, among] - with_k[:, [k]], axis=2)
-    often = (np.isfinite(distance).sum(0) >= 2) & (among != k)
-    spread = np.full(len(often), np.inf)
-    spread[often] = np.nanstd(distance[:, often], axis=0)
-    order = np.argsort(spread, kind="stable")
-    order = order[often[order]]
-    size = float(np.nanmax(distance, initial=1e-9))
-    return among[order], np.maximum(spread[order], np.finfo(float).eps * size) ** 2
-
-
-def frame_of(x: Array, samples: int) -> tuple[Array, Array]:
-    """Origin (time, 3) and rotation (time, 3, 3) of the frame that markers x (time, node, 3) make.
-
-    None stand still in the world; one or two carry their mean along; three or more turn with their best fit
-    to the first sample.
-    """
-    if x.shape[1] == 0:
-        return np.zeros((samples, 3)), np.broadcast_to(np.eye(3), (samples, 3, 3))
-    if x.shape[1] < NEIGHBORS[2]:
-        return x.mean(1), np.broadcast_to(np.eye(3), (samples, 3, 3))
-    shape = x[0] - x[0].mean(0)
-    return fit_rotation(x, shape, np.ones(x.shape[1]))
-
-
-def lever_of(frame: Array, x: Array) -> float:
-    """Mean variance of a place x (3,) that turns with markers (node, 3), over that of their coordinates.
-
-    One where they do not turn it.
-
-    >>> square = np.array([[1.0, 1, 0], [1, -1, 0], [-1, 1, 0], [-1, -1, 0]])
-    >>> [round(lever_of(square, np.array([0.0, 0.0, z])), 3) for z in (0.0, 1.0)]
-    [0.25, 0.417]
-    """
-    if len(frame) < NEIGHBORS[2]:
-        return 1.0
-    mean = frame.mean(0)
-    own, d = frame - mean, x - mean
-    spread = own.T @ own
-    turns = np.trace(spread) * (1 + SINGLE) * np.eye(3) - spread
-    return float(1 / len(frame) + np.trace(np.linalg.solve(turns, d @ d * np.eye(3) - np.outer(d, d))) / 3)
-
-
-def weights(at: Array, to: Array, degree: int) -> Array:
-    """Weights (to, at) that continue samples at some times to others, by a polynomial of least squares."""
-    return weights_of(at.tobytes(), to.tobytes(), degree)
-
-
-@lru_cache(REMEMBERED)
-def weights_of(at_bytes: bytes, to_bytes: bytes, degree: int) -> Array:
-    """`weights` of times by their bytes."""
-    at, to = (np.frombuffer(each) for each in (at_bytes, to_bytes))
-    middle, half = to.mean(), max(float(np.abs(at - to.mean()).max()), 1e-300)
-    rows = np.vander((at - middle) / half, degree + 1)
-    return np.asarray(np.vander((to - middle) / half, degree + 1) @ np.linalg.pinv(rows))
 
 
 def straight(time: Array, known: Array, values: Array) -> Array:
