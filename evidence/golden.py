@@ -47,7 +47,7 @@ TIMES = "timing_"  # what attributes begin with that tell how long a stage took
 
 Limits = tuple[tuple[Any, str, int], ...]
 WINDOWS: Limits = ((stretches, "LONG", 270), (stretches, "MARGIN", 60))
-BLOCKS: Limits = ((blocks, "AT_ONCE", 24 * 2), (blocks, "BLOCK", 24 * 3 * 50), *WINDOWS)
+BLOCKS: Limits = ((blocks, "STRETCH_BYTES", 24 * 2), (blocks, "BLOCK", 24 * 3 * 50), *WINDOWS)
 
 Changed = Callable[[Recording], Recording]
 

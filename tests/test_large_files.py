@@ -23,7 +23,7 @@ QUICK = ["--method", "savgol"]
 @pytest.fixture
 def large(tmp_path, monkeypatch):
     """A recording that counts as large here, of a body under a constant force."""
-    monkeypatch.setattr(blocks, "AT_ONCE", 24 * 8)
+    monkeypatch.setattr(blocks, "STRETCH_BYTES", 24 * 8)
     monkeypatch.setattr(blocks, "BLOCK", 24 * NODES * 50)
     monkeypatch.setattr(stretches, "LONG", 270)
     monkeypatch.setattr(stretches, "MARGIN", 60)
@@ -114,7 +114,7 @@ def test_a_folder_that_is_not_there_is_one_line(large, tmp_path, capsys):
 
 
 def test_frames_too_many_to_be_smoothed_at_once_are_taken_by_stretches(large, monkeypatch, capsys):
-    monkeypatch.setattr(blocks, "AT_ONCE", 24 * NODES * FRAMES)
+    monkeypatch.setattr(blocks, "STRETCH_BYTES", 24 * NODES * FRAMES)
     assert main(["estimate", str(large), *QUICK]) == 0
     said = capsys.readouterr()
     assert "blocks" not in said.err

@@ -26,7 +26,7 @@ from scipy.spatial.transform import Rotation
 from evidence.vectors import GRAVITY
 from evidence.written import asked, paged, pictured, table
 from forceid.estimation.long.windows import LONG
-from forceid.files.stored.blocks import AT_ONCE
+from forceid.files.stored.blocks import STRETCH_BYTES
 from forceid.report.plots.style import BLUE, GRAY, panels
 
 RATE, NOISE = 200.0, 2e-4  # Hz, m
@@ -192,7 +192,7 @@ def main() -> None:
         about,
         table(rows),
         "![CPU time and memory over frames, nodes and modes](growth.png)",
-        f"Beyond {LONG} frames, stretches; where the positions of one take over {AT_ONCE / 1e6:g} MB, four "
+        f"Beyond {LONG} frames, stretches; where the positions of one take over {STRETCH_BYTES / 1e6:g} MB, four "
         "markers stand for all nodes.",
     )
 

@@ -22,9 +22,7 @@ from forceid.files.values import NC_FILL, Stored, read_real, real_attr, text, un
 from forceid.records import Array, Recording
 
 LARGE = 1 << 30  # bytes of positions: an estimate that holds them takes some ten times as much
-AT_ONCE = (
-    200_000_000  # bytes of the positions of a stretch: to look at each takes 3 GB and a third of a minute
-)
+STRETCH_BYTES = 150_000_000  # of positions of a stretch: to look at each takes 2 GB and a quarter of a minute
 BLOCK = 1 << 23  # bytes of positions that are looked at together: they stay in the cache
 
 
@@ -91,7 +89,7 @@ def is_large(path: str | Path, stretch: int) -> bool:
     if shape is None or len(shape) != 3:
         return False
     together = min(stretch, shape[0]), *shape[1:]
-    return bool(8 * math.prod(shape) > LARGE or 8 * math.prod(together) > AT_ONCE)
+    return bool(8 * math.prod(shape) > LARGE or 8 * math.prod(together) > STRETCH_BYTES)
 
 
 @contextmanager

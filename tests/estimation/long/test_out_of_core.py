@@ -25,7 +25,7 @@ FRAMES, NODES, NOISE = 240, 40, 1e-3
 @pytest.fixture(autouse=True)
 def little(monkeypatch):
     """Everything is large here."""
-    monkeypatch.setattr(blocks, "AT_ONCE", 24 * 8)
+    monkeypatch.setattr(blocks, "STRETCH_BYTES", 24 * 8)
     monkeypatch.setattr(blocks, "BLOCK", 24 * NODES * 7)
 
 
@@ -240,7 +240,7 @@ def test_what_is_wrong_with_the_positions_is_told(tmp_path):
 
 def test_a_file_that_is_not_large_comes_with_every_node(tmp_path, monkeypatch):
     path = written(tmp_path / "a.h5", throw())
-    monkeypatch.setattr(blocks, "AT_ONCE", 24 * NODES * FRAMES)
+    monkeypatch.setattr(blocks, "STRETCH_BYTES", 24 * NODES * FRAMES)
     found, left_out = read_recording(path, load_settings())
     assert found.motion.position.shape == (FRAMES, NODES, 3)
     assert left_out == ()

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from forceid.estimation.body.tracks.neighbor_frames import TURN, frame_of, lever_of, neighbors, weights
+from forceid.estimation.body.tracks.neighbor_frames import TO_TURN, frame_of, lever_of, neighbors, weights
 from forceid.kalman.tuning.robust import runs
 from forceid.records import Array, Flags, Indices, all_finite
 from forceid.rounding import SINGLE
@@ -150,7 +150,7 @@ def fillings(shown: Shown, gap: Indices, ways: Sequence[Bridge]) -> Iterator[tup
             if len(rest) < max(2, degree + 1) and not (degree == 0 and len(rest)):
                 continue
             count = min(way.count, len(beside))
-            if count < way.count and not (way.count == near.shape[1] and count >= TURN):
+            if count < way.count and not (way.count == near.shape[1] and count >= TO_TURN):
                 continue
             if degree not in weigh:
                 weigh[degree] = weights(time[rest] - time[gap[0]], time[gap] - time[gap[0]], degree)

@@ -10,7 +10,7 @@ from forceid.motion import fit_rotation
 from forceid.records import Array, Flags, Indices
 from forceid.rounding import SINGLE
 
-TURN = 3  # markers that turn a frame
+TO_TURN = 3  # markers that turn a frame
 SHOWN_IN = 16  # frames that tell which markers are near
 NEAREST = 64  # markers that neighbors are chosen from: the error of a frame falls by the root of their number
 REMEMBERED = 4096  # sets of weights, of some kB: an even clock has the same ones again and again
@@ -46,7 +46,7 @@ def frame_of(x: Array, samples: int) -> tuple[Array, Array]:
     """
     if x.shape[1] == 0:
         return np.zeros((samples, 3)), np.broadcast_to(np.eye(3), (samples, 3, 3))
-    if x.shape[1] < TURN:
+    if x.shape[1] < TO_TURN:
         return x.mean(1), np.broadcast_to(np.eye(3), (samples, 3, 3))
     shape = x[0] - x[0].sum(0) / x.shape[1]
     return fit_rotation(x, shape, np.ones(x.shape[1]))
@@ -61,7 +61,7 @@ def lever_of(frame: Array, x: Array) -> float:
     >>> [round(lever_of(square, np.array([0.0, 0.0, z])), 3) for z in (0.0, 1.0)]
     [0.25, 0.417]
     """
-    if len(frame) < TURN:
+    if len(frame) < TO_TURN:
         return 1.0
     mean = frame.sum(0) / len(frame)
     own, (x, y, z) = frame - mean, (x - mean).tolist()
