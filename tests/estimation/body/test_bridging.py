@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from forceid.estimation.body.tracks import bridging
 from forceid.estimation.body.tracks.bridging import bridged
 
 SIGMA = 1e-3
@@ -78,3 +79,25 @@ def test_where_many_markers_are_lost_those_that_swing_claim_their_own_errors():
     assert np.sqrt(off[1]) < 1.5 * SIGMA
     # claimed by gaps made elsewhere, whose readings have noise of their own
     assert all(0.4 < ratio < 1.3 for ratio in np.sqrt(np.array(off) / claimed))
+
+
+def test_all_bridges_are_tried_at_few_of_many_lost_markers(monkeypatch):
+    """Tracks without noise on a rigid body: what is best at one is as good at all."""
+    rng, tried = np.random.default_rng(9), []
+    t, X = np.arange(200) / 200, rng.uniform(-0.2, 0.2, (30, 3))
+    turn = Rotation.from_rotvec(np.outer(t, [1.0, 4.0, 0.5])).as_matrix()
+    x = np.einsum("tab,nb->tna", turn, X)
+    lost = x.copy()
+    for k in range(30):
+        lost[5 * k + 20 : 5 * k + 23, k] = np.nan
+    plain = bridging.rank_bridges
+
+    def counted(shown, length, ways):
+        tried.append(len(ways))
+        return plain(shown, length, ways)
+
+    monkeypatch.setattr(bridging, "rank_bridges", counted)
+    found = bridged(t, lost, np.ones(30, bool))
+    assert np.abs(found.position - x).max() < 1e-9
+    assert len(tried) == 30
+    assert sum(n > bridging.JUDGED for n in tried) == bridging.JUDGED
