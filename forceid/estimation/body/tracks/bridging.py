@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -63,23 +64,23 @@ def bridged(time: Array, position: Array, nodes: Flags) -> Bridged:
     # first that are judged by all bridges, evenly spread
     judges = {lost[i] for i in np.linspace(0, len(lost) - 1, JUDGED).astype(int)} if lost else set()
     every = sorted((n, k not in judges, k, first) for k in lost for first, n in runs(~seen[:, k] & some))
-    for length, _, k, first in every:
-        size, gap = int(np.round(np.log(length) / np.log(LENGTH_RATIO))), np.arange(first, first + length)
-        others, moves = near[k]
-        shown = Shown(time, x[:, k], seen[:, k], x[:, others], seen[:, others], moves)
-        found = best.setdefault(size, [])
-        if (k, size) not in judged and len(found) >= JUDGED:
-            ranked = rank_bridges(shown, length, list(dict.fromkeys(found)))
-            judged[k, size] = [one for one in ranked if one.missed < AS_GOOD * ranked[0].missed]
-            by_few.add((k, size))
-        filled = best_filling(judged.get((k, size), []), shown, gap)
-        if filled is None and ((k, size) not in judged or (k, size) in by_few):
-            judged[k, size] = rank_bridges(shown, length, list(bridges(len(moves))))
-            found += [one.way for one in judged[k, size][:1] if (k, size) not in by_few]
-            by_few.discard((k, size))
-            filled = best_filling(judged[k, size], shown, gap)
-        if filled is not None:
-            (x[gap, k], var[gap, k]), seen[gap, k] = filled, True
+    for (length, _, k), gaps in groupby(every, lambda one: one[:3]):
+        size, (others, moves) = int(np.round(np.log(length) / np.log(LENGTH_RATIO))), near[k]
+        beside, found = (x[:, others], seen[:, others], moves), best.setdefault(size, [])
+        for first in (one[3] for one in gaps):
+            shown, gap = Shown(time, x[:, k], seen[:, k], *beside), np.arange(first, first + length)
+            if (k, size) not in judged and len(found) >= JUDGED:
+                ranked = rank_bridges(shown, length, list(dict.fromkeys(found)))
+                judged[k, size] = [one for one in ranked if one.missed < AS_GOOD * ranked[0].missed]
+                by_few.add((k, size))
+            filled = best_filling(judged.get((k, size), []), shown, gap)
+            if filled is None and ((k, size) not in judged or (k, size) in by_few):
+                judged[k, size] = rank_bridges(shown, length, list(bridges(len(moves))))
+                found += [one.way for one in judged[k, size][:1] if (k, size) not in by_few]
+                by_few.discard((k, size))
+                filled = best_filling(judged[k, size], shown, gap)
+            if filled is not None:
+                (x[gap, k], var[gap, k]), seen[gap, k] = filled, True
     return Bridged(x, var)
 
 
