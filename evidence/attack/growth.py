@@ -192,8 +192,7 @@ def main() -> None:
         about,
         table(rows),
         "![CPU time and memory over frames, nodes and modes](growth.png)",
-        f"Beyond {LONG} frames, stretches; where the positions of one take over {STRETCH_BYTES / 1e6:g} MB, "
-        "four markers stand for all nodes.",
+        f"Beyond {LONG} frames, stretches; over {STRETCH_BYTES / 1e6:g} MB of one, four markers.",
     )
 
 
