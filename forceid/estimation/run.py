@@ -67,7 +67,7 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     A body in parts that is refused as a whole, since it deforms too much, still has its parts.
     """
     began = perf_counter()
-    with recorded() as spent, stage("rest"), threads_for(rows_of(recording.body)):
+    with recorded() as spent, stage("rest"), threads_for(rows_solved(recording.body)):
         recording = with_stated(recording, settings)
         try:
             result = estimate_shown(without_mechanism(recording, settings), settings)
@@ -89,7 +89,7 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     )
 
 
-def rows_of(body: Body) -> int:
+def rows_solved(body: Body) -> int:
     """Of the largest matrix that is solved: all else, however many the nodes, is done in small pieces."""
     return max((len(a) for a in (body.mass_matrix, body.stiffness) if a is not None), default=0)
 

@@ -126,17 +126,17 @@ def frame_fit(
 
 def fit_one(fit: FrameFit, position: Array) -> tuple[Array, Array, Array]:
     """Center (3,), rotation (3, 3) and residual (node, 3), body axes, of one frame (node, 3)."""
-    center, R, _, residual = placed(fit, position[None], ONLY)
+    center, R, _, residual = fitted_poses(fit, position[None], ONLY)
     return center[0], R[0], residual[0]
 
 
 def fitted(fit: FrameFit, position: Array, at: Indices) -> tuple[Array, Array, Array, Array, Array]:
     """Poses of frames `at` that see the pattern of the fit: center, rotation, cov, residual, chi_square."""
-    center, R, cov, residual = placed(fit, position, at)
+    center, R, cov, residual = fitted_poses(fit, position, at)
     return center, R, cov, residual, chi_squares(residual, fit.pattern, fit.gain[2])
 
 
-def placed(fit: FrameFit, position: Array, at: Indices) -> tuple[Array, Array, Array, Array]:
+def fitted_poses(fit: FrameFit, position: Array, at: Indices) -> tuple[Array, Array, Array, Array]:
     """`fitted` without chi_square. Compiled where a compiler was."""
     if compiled is None:
         return fitted_in_numpy(fit, position[at])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from forceid.config import Settings
-from forceid.estimation.body.deformation_residual import Beyond, beside, beyond_rigid, looks
+from forceid.estimation.body.deformation_residual import Beyond, bases_beside, beyond_rigid, looks
 from forceid.estimation.body.deforming.strains import strain_shapes
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.body.mass_center import tracked_mass_center, with_center, without_gaps
@@ -111,7 +111,7 @@ def cleaned(body: Body, motion: Motion, kin: Kinematics | None = None) -> tuple[
 def beside_strains(shown: Beyond, kin: Kinematics) -> Beyond:
     """What markers do beside strains of the whole body, where it strains faster than a spike would show."""
     strains = strain_shapes(kin.shape, np.eye(3))
-    within = beside(shown.of(strains).T, SINGLE)[0]
+    within = bases_beside(shown.of(strains).T, SINGLE)[0]
     both, strained = (float(np.nansum(np.diff(y, 2, axis=0) ** 2)) for y in (shown.y, shown.y @ within))
     count, rest = within.shape[1], len(within) - within.shape[1]
     if not count or not rest or not strained > SIGMAS**2 * count / rest * max(both - strained, 0.0):

@@ -68,16 +68,16 @@ class Beyond:
 
     def without(self, shapes: Array) -> Beyond:
         """What no motion in shapes (mode, node, 3) explains either."""
-        free = beside(self.of(shapes).T, SINGLE)[1]
+        free = bases_beside(self.of(shapes).T, SINGLE)[1]
         return replace(self, y=self.y @ free, basis=self.basis @ free)
 
 
-def beside(columns: Array, least: float) -> tuple[Array, Array]:
+def bases_beside(columns: Array, least: float) -> tuple[Array, Array]:
     """Orthonormal bases (n, rank) of what columns (n, few) span, and (n, n - rank) of all beside it.
 
     least: singular values, over the largest, that count. By as many reflections as there are columns.
 
-    >>> [basis.shape for basis in beside(np.array([[1.0, 2.0], [1.0, 2.0], [0.0, 0.0]]), 1e-9)]
+    >>> [basis.shape for basis in bases_beside(np.array([[1.0, 2.0], [1.0, 2.0], [0.0, 0.0]]), 1e-9)]
     [(3, 1), (3, 2)]
     """
     axes, size, _ = np.linalg.svd(columns, full_matrices=False)
@@ -121,7 +121,7 @@ def beyond_rigid(time: Array, position: Array, kin: Kinematics, group: Flags | N
         weight = kept.astype(float)
     x, shape = position[:, kept], kin.shape[kept]
     residual = body_axes(x, *fit_rotation(x, shape, weight[kept])) - shape
-    U = beside(summation_operator(shape), SOLVED)[1]
+    U = bases_beside(summation_operator(shape), SOLVED)[1]
     return Beyond(time, residual.reshape(len(x), -1) @ U, U, kept, kin.noise["position"] ** 2)
 
 

@@ -68,7 +68,7 @@ def bridged(time: Array, position: Array, nodes: Flags) -> Bridged:
         size, (others, moves) = int(np.round(np.log(length) / np.log(LENGTH_RATIO))), near[k]
         beside, found = (x[:, others], seen[:, others], moves), best.setdefault(size, [])
         for first in (one[3] for one in gaps):
-            shown, gap = Shown(time, x[:, k], seen[:, k], *beside), np.arange(first, first + length)
+            shown, gap = WithNeighbors(time, x[:, k], seen[:, k], *beside), np.arange(first, first + length)
             if (k, size) not in judged and len(found) >= JUDGED:
                 ranked = rank_bridges(shown, length, list(dict.fromkeys(found)))
                 judged[k, size] = [one for one in ranked if one.missed < AS_GOOD * ranked[0].missed]
@@ -101,7 +101,7 @@ class Judged(NamedTuple):
     way: Bridge
 
 
-class Shown(NamedTuple):
+class WithNeighbors(NamedTuple):
     """What a node and its neighbors show: time (time,), x (time, 3) and near (time, neighbor, 3), each with
     when it is seen; moves (neighbor,) m2: variance of their distance.
     """
@@ -114,7 +114,7 @@ class Shown(NamedTuple):
     moves: Array
 
 
-def best_filling(ranked: Sequence[Judged], shown: Shown, gap: Indices) -> tuple[Array, float] | None:
+def best_filling(ranked: Sequence[Judged], shown: WithNeighbors, gap: Indices) -> tuple[Array, float] | None:
     """Positions (gap, 3) in a gap by the best bridge that has something to rest on; its mean square error.
 
     That grows where a frame is looser than where the bridge was judged.
@@ -129,7 +129,9 @@ def best_filling(ranked: Sequence[Judged], shown: Shown, gap: Indices) -> tuple[
     return best
 
 
-def fillings(shown: Shown, gap: Indices, ways: Sequence[Bridge]) -> Iterator[tuple[Bridge, Array, float]]:
+def fillings(
+    shown: WithNeighbors, gap: Indices, ways: Sequence[Bridge]
+) -> Iterator[tuple[Bridge, Array, float]]:
     """Positions (gap, 3) of a node in a gap by each of some bridges that has something to rest on.
 
     Also how loose its frame is, m2: its lever times how its markers move.
@@ -175,7 +177,7 @@ def bridges(neighbors: int) -> Iterator[Bridge]:
                     yield Bridge(count, side, degree)
 
 
-def rank_bridges(shown: Shown, length: int, ways: Sequence[Bridge]) -> list[Judged]:
+def rank_bridges(shown: WithNeighbors, length: int, ways: Sequence[Bridge]) -> list[Judged]:
     """Some ways to bridge gaps of a length of a node, best first."""
     seen, whole = shown.seen, np.flatnonzero(shown.seen)
     count = np.concatenate([[0], np.cumsum(seen)])
