@@ -7,6 +7,10 @@ could turn with, so no lines are searched.
 Tables misplace mass. A segment whose mass center is off by d, in its own axes, adds m R d to the sum that the
 force drives, and what that sweeps to the one that the moment drives; the smoother of each load makes of it
 what it makes of the rest. The moment is about a mass center that is off as well: a lever of the force.
+
+Joint gaps tell the errors of segments to a factor, and their color in the mean of each octave. What errors
+are more of where no load is left would make a load rough, so that it lets through the errors of all slower
+ones as well: no load is rougher than under errors as large as those of the loudest joint.
 """
 
 from __future__ import annotations
@@ -33,6 +37,7 @@ from forceid.flight.channels import Channel
 from forceid.flight.model import Flight
 from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.flight.smoother import FlightState, smooth_translation
+from forceid.flight.tuning import FREE, ORDERS
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import mean_square
 from forceid.principal import cross_matrix
@@ -58,11 +63,16 @@ def estimate_in_segments(
     kin = replace(kin, model=SEGMENTS, color=noise.color, shared=None)
     channels, arm = driven_channels(kin, motion, noise)
     tune = partial(tune_channel, limits=AS_IT_IS, lines=(), engine=engine, kind=settings.load_prior)
-    causal, priors, states = settings.method == "filter", {}, {}
+    causal, priors, states, others = settings.method == "filter", {}, {}, []
     for load, channel in channels.items():
         with stage("force" if load == "force" else "moment"):
-            priors[load] = tune(channel, stated=stated_of(settings, load))
+            stated = stated_of(settings, load)
+            loud = replace(channel, noise_cov=noise.most**2 * channel.noise_cov)
+            least = tune(loud, stated=stated)
+            smooth = tuple(order for order in ORDERS if order >= min(least.kernel.order, FREE))
+            priors[load] = tune(channel, stated=stated, orders=smooth)
             states[load] = smoothed(channel, priors[load], engine, causal)
+            others.append(smoothed(loud, least, engine, causal).force)
     state = both(kin, motion, states["force"], states["moment"])
     alone = typical_variance(state.wrench_cov)
     with stage("claims"):
@@ -72,11 +82,6 @@ def estimate_in_segments(
             if priors[load].kernel.rivals
         }
         state = grown(state, growth_along_own(state, looks) * noise.size[:, None, None])
-        louder = {load: replace(ch, noise_cov=noise.most**2 * ch.noise_cov) for load, ch in channels.items()}
-        others = [
-            smoothed(channel, tune(channel, stated=stated_of(settings, load)), engine, causal).force
-            for load, channel in louder.items()
-        ]
         apart = np.nan_to_num(np.concatenate([state.force, state.moment], 1) - np.concatenate(others, 1))
         square = apart[:, :, None] * apart[:, None]
         cov = state.wrench_cov + square * np.kron(np.eye(2), np.ones((3, 3)))

@@ -68,21 +68,38 @@ def test_a_lost_marker_is_bridged_in_gaps_and_mass_points_alike():
 
 
 def about_the_truth(task, seed, cut):
-    """Of force and moment of a drawn person: rms errors, those of a 6 Hz Butterworth, and claims, by axis."""
+    """Of force and moment of a drawn person, by axis: rms errors, those of a 6 Hz Butterworth and of the one
+    whose cut is the best on the truth, and claims.
+    """
     recording = person(seed, task, skin=Skin(cut=cut))
     found, six = estimate_recording(recording, load_settings(model="segments")), low_passed(recording, 6.0)
+    rivals = [low_passed(recording, hertz) for hertz in np.arange(1.5, 25.0, 0.5)]
     for load in ("force", "moment"):
         truth = recording.truth[load]
-        yield rms(getattr(found, load) - truth), rms(six[load] - truth), rms(getattr(found, f"{load}_std"))
+        best = np.min([rms(rival[load] - truth) for rival in rivals], axis=0)
+        yield (
+            rms(getattr(found, load) - truth),
+            rms(six[load] - truth),
+            best,
+            rms(getattr(found, f"{load}_std")),
+        )
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("task", "most"), [("walk", 1.05), ("run", 1.05), ("squat", 1.05), ("jump", 1.1)])
-def test_drawn_persons_are_estimated_as_well_as_by_six_hertz_and_err_about_as_claimed(task, most):
+@pytest.mark.parametrize("task", ["walk", "run", "squat", "jump"])
+def test_drawn_persons_are_estimated_nearly_as_well_as_by_the_best_cut_and_err_about_as_claimed(task):
     """Tracks raw and low-passed; by load, over eight persons and all axes."""
     rows = np.array([list(about_the_truth(task, seed, 12.0 * (seed % 2))) for seed in range(500, 508)])
-    error, six, claim = np.moveaxis(rows, 2, 0)
-    assert np.exp(np.log(error / six).mean((0, 2))).max() < most
+    error, six, best, claim = np.moveaxis(rows, 2, 0)
+    assert np.exp(np.log(error / six).mean((0, 2))).max() < 1.05
+    assert np.exp(np.log(error / best).mean((0, 2))).max() < 1.2
     ratio = np.sqrt((error**2).mean((0, 2)) / (claim**2).mean((0, 2)))
     assert (ratio > 0.5).all()
     assert (ratio < 1.5).all()
+
+
+def test_errors_that_are_larger_than_the_gaps_say_make_no_load_rough():
+    """A person whose gaps are of joints that are nearly fixed, by skin that moves neighbors together."""
+    recording = person(616, "squat", skin=Skin(neighbor=0.5))
+    found = estimate_recording(recording, load_settings(model="segments"))
+    assert found.tuned["force_order"] > 1
