@@ -34,10 +34,10 @@ def run(
     ] = None,
     first: Annotated[
         float | None,
-        typer.Option(metavar="S", help="Seconds tuned on at the start, 256 frames at least; 0.25."),
+        typer.Option(metavar="S", help="Seconds tuned on at the start, 256 frames at least; 0.5."),
     ] = None,
     retune: Annotated[
-        float | None, typer.Option(metavar="S", help="Seconds from tuning to tuning; 60. inf: never again.")
+        float | None, typer.Option(metavar="S", help="Most seconds between tunings; 60. inf: never again.")
     ] = None,
     tuned_on_body: Annotated[
         bool, typer.Option("--tuned-on-body", help="Tune on the motion in BODY, not on the first frames.")

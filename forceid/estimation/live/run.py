@@ -36,7 +36,8 @@ def live(
     of /body/node. tree: a motion file of the body, from `open_motion`: its body, gravity and noise_std count,
     its motion only if tuned_on_file, in place of a first stretch of the frames. first: seconds that are tuned
     on at the start, 256 frames at least; their wrenches come at once when they are over. retune: seconds from
-    one tuning to the next, on the last 1024 frames; math.inf for none. config, settings: as of
+    one tuning to the next at most, on the last 1024 frames, and sooner where frames have doubled up to these;
+    math.inf for none. config, settings: as of
     `forceid.estimate`. tell: called with a line of text where there is something to say. Yields `LiveWrench`
     records: time s, force N and moment N m about the mass center, world axes, weight excluded, standard
     deviations, and the reasons where one is `degraded`. Raises ConfigError, DataError, EstimationError.

@@ -18,7 +18,7 @@ from forceid.flight.priors.protocol import MOMENTUM
 from forceid.records import Array, Body, Frame, LiveWrench
 
 LIVE_LAG = 0.05  # s: longer, the boomerang errs no less; at 10 ms 1.4 times as much (evidence.live)
-LIVE_FIRST = 0.25  # s that are tuned on at least: five periods of a load of 20 Hz
+LIVE_FIRST = 0.5  # s that are tuned on at least: they tell the size of a load of 20 Hz to a sixth
 LIVE_RETUNE = 60.0  # s from tuning to tuning: one costs seconds, so that is some percent of a core
 STRETCH_FRAMES = 256  # a first stretch has at least so many: its noise is known to 5 %, its band to 10 %
 MOST_FRAMES = 1024  # a stretch has at most so many: tuning takes seconds, and no number gets better
@@ -32,12 +32,18 @@ Tuning = Callable[[list[Frame]], LiveModel]
 @dataclass(frozen=True)
 class Pace:
     """How a stream is followed: lag s; first s of frames that are tuned on at the start, and 256 at least;
-    retune s from one tuning to the next, infinite for none.
+    retune s from one tuning to the next at most, infinite for none.
     """
 
     lag: float
     first: float
     retune: float
+
+    def after(self, kept: deque[Frame]) -> float:
+        """Seconds from a tuning on the frames kept to the next: when it has twice as many, up to the most."""
+        if len(kept) == kept.maxlen or self.retune == FOREVER:
+            return self.retune
+        return min(self.retune, kept[-1].time - kept[0].time)
 
 
 def wrenches(
@@ -87,8 +93,9 @@ def followed(
     the earliest.
     """
     job: Future[LiveModel] | None = None
+    stretch: list[Frame] = []
     tuned_at = kept[-1].time if kept else FOREVER
-    due = kept[-1].time + pace.retune if kept else -FOREVER
+    due = kept[-1].time + pace.after(kept) if kept else -FOREVER
     with ThreadPoolExecutor(1) as tuner:
         for frame in rest:
             if due == -FOREVER:
@@ -104,17 +111,18 @@ def followed(
             if frame.time < due:
                 continue
             if job is None:
-                job, due = tuner.submit(tuning, list(kept)), frame.time + TUNING_TIME
+                stretch = list(kept)
+                job, due = tuner.submit(tuning, stretch), frame.time + TUNING_TIME
                 continue
             try:
-                tuned = said(job.result(), kept, tell)
+                tuned = said(job.result(), stretch, tell)
             except (ForceIdError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
                 tell(f"not tuned anew up to {frame.time:g} s, goes on as before: {error}")
             else:
                 again, _ = flown(tuned, list(kept), pace.lag, momentum_of(model, flight))
                 if again is not None and flight is not None:
                     model, flight = tuned, told(tuned, again, flight.pending[0][0] - model.step / 2)[0]
-            job, due, tuned_at = None, frame.time + pace.retune, frame.time
+            job, due, tuned_at = None, frame.time + pace.after(kept), frame.time
     if flight is not None:
         yield from told(model, flight, FOREVER)[1]
 

@@ -74,6 +74,17 @@ def test_it_is_tuned_anew_as_it_goes_and_says_so(monkeypatch):
     assert np.sqrt(np.mean((error / claim) ** 2)) < 1.5
 
 
+def test_it_is_tuned_anew_when_frames_have_doubled_unless_it_never_is(monkeypatch):
+    monkeypatch.setattr(stream, "TUNING_TIME", 0.2)
+    t, x = frames(700)
+    said = []
+    followed(t, x, said.append, on_file=False)
+    assert sum("tuned on" in text for text in said) == 1
+    said = []
+    followed(t, x, said.append, on_file=False, retune=60.0)
+    assert [int(text.split()[2]) for text in said if "tuned on" in text] == [256, 511]
+
+
 def test_a_tuning_that_fails_is_said_and_the_results_go_on(monkeypatch):
     monkeypatch.setattr(stream, "TUNING_TIME", 0.2)
     t, x = frames(700)
