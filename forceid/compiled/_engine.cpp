@@ -73,7 +73,6 @@ PYBIND11_MODULE(_engine, module) {
   def("smooth", flights.smooth);
   def("between", flights.between);
   def("turned", flights.turned);
-  def("lead", flights.lead);
   def("sums", bodies.sums);
   def("fitted", bodies.fitted);
   def("kabsch", bodies.turned);
@@ -87,5 +86,7 @@ PYBIND11_MODULE(_engine, module) {
   def("scoring_step", chosen.spectra.scoring_step);
   def("whitened", chosen.whitening.whitened);
   def("fixed_to_body", chosen.body_fixed.fixed);
+  def("along", chosen.leads.along);
+  def("lead", chosen.leads.lead);
   def("shocks", chosen.shocks.seen);
 }

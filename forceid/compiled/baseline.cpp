@@ -14,6 +14,7 @@
 #include "../flight/flight.hpp"
 #include "../flight/spectra.hpp"
 #include "../flight/body_fixed.hpp"
+#include "../flight/lead.hpp"
 #include "../motion/poses.hpp"
 #include "twofold.hpp"
 #include "../motion/kabsch.hpp"
@@ -23,4 +24,4 @@
 
 const Kernels baseline_kernels = {
     passes::table, flight::table, {folded::sums, poses::fitted, kabsch::turned, polar::polar, polar::bipolar_factors, splitting::steps},
-    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}, {body_fixed::fixed}, {shocks::seen}};
+    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}, {body_fixed::fixed}, {lead::along, lead::lead}, {shocks::seen}};

@@ -10,6 +10,7 @@
 using Two = std::tuple<Out, Out>;
 using Three = std::tuple<Out, Out, Out>;
 using Four = std::tuple<Out, Out, Out, Out>;
+using Five = std::tuple<Out, Out, Out, Out, Out>;
 using Poses = std::tuple<Out, Out, Out, Out, Out>;
 using Runs = std::tuple<Tensor<Size>, Out, Out, Out, Out, Size>;
 using Later = std::tuple<Tensor<Size>, Out, Size>;
@@ -38,8 +39,6 @@ struct Flights {
                      Array z, Array read, int theta, Array P0, Array x0, Size first, Size warm, bool cut, int mode);
   Out (*between)(Array A, Array B);
   Out (*turned)(Array phi, Array R);
-  Four (*lead)(Array x, Array R, Array F, Array Q, Array axes, Array J, Array h, double step, double least,
-               double substep);
 };
 
 // principal/folded.hpp, motion/poses.hpp and kabsch.hpp, pseudorigid/polar.hpp and splitting.hpp
@@ -82,6 +81,13 @@ struct BodyFixed {
   Two (*fixed)(Array F, Array Q, Index which, Array early, Array mean, Array at, Size n);
 };
 
+// flight/lead.hpp
+struct Leads {
+  Two (*along)(Array F, Array Q, Array turn, Array R, Array own, Size n, double small);
+  Five (*lead)(Array x, Array R, Array F, Array Q, Array axes, Array J, Array h, double step, double least,
+               double substep, Array rows, Array turn, Array own, Size states, Array read, double small);
+};
+
 // kalman/shocks.hpp
 struct Shocks {
   Two (*seen)(Array F, Array H, Index run, Array K, Array W, Array v, Mask seen, Size first, Size stop);
@@ -96,6 +102,7 @@ struct Kernels {
   Spectra spectra;
   Whitening whitening;
   BodyFixed body_fixed;
+  Leads leads;
   Shocks shocks;
 };
 

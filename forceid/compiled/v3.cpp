@@ -16,6 +16,7 @@ V3
 #include "../flight/flight.hpp"
 #include "../flight/spectra.hpp"
 #include "../flight/body_fixed.hpp"
+#include "../flight/lead.hpp"
 #include "../motion/poses.hpp"
 #include "twofold.hpp"
 #include "../motion/kabsch.hpp"
@@ -25,5 +26,5 @@ V3
 
 const Kernels v3_kernels = {
     passes::table, flight::table, {folded::sums, poses::fitted, kabsch::turned, polar::polar, polar::bipolar_factors, splitting::steps},
-    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}, {body_fixed::fixed}, {shocks::seen}};
+    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}, {body_fixed::fixed}, {lead::along, lead::lead}, {shocks::seen}};
 #endif

@@ -807,65 +807,7 @@ Out turned(Array phi, Array R) {
   return out;
 }
 
-// One step of a flight that is followed as it goes: states, rotation, F and Q behind it. x (state,): theta, H and
-// the chain of the moment, along axes; R (3, 3); F, Q (state, state): of the chain; J (2, 3, 3) and h (2, 3) before
-// the step and after it; least: moment of inertia; SUBSTEP: rad. Written in numpy in estimation/live/loads.py.
-Four lead(Array x, Array R, Array F, Array Q, Array axes, Array J, Array h, double step, double least, double substep) {
-  const Size n = x.shape(0);
-  Out away({n}), F_next({n, n}), Q_next({n, n}), turns({2, 3, 3}), course({3, 2, 3}), J_({4, 1, 3, 3}), h_({4, 1, 3});
-  for (Size i = 0; i < n; ++i) {
-    away.data()[i] = 0.0;
-    for (Size j = 0; j < n; ++j) away.data()[i] += F.data()[i * n + j] * x.data()[j];
-  }
-  double own[3][3], over[3][3], world[3][3] = {}; // H, and what the moment adds to Y and H
-  for (int a = 0; a < 3; ++a) {
-    own[0][a] = x.data()[3 + a];
-    own[1][a] = away.data()[a] - step * own[0][a];
-    own[2][a] = away.data()[3 + a] - own[0][a];
-  }
-  for (int r = 0; r < 3; ++r)
-    for (int a = 0; a < 3; ++a)
-      for (int b = 0; b < 3; ++b) world[r][a] += axes.data()[3 * a + b] * own[r][b];
-  double spin = 0.0, inside = 0.0;
-  for (int a = 0; a < 3; ++a) {
-    over[0][a] = world[0][a];
-    over[1][a] = 6.0 * world[1][a] / (step * step) - 2.0 * world[2][a] / step;
-    over[2][a] = 6.0 * world[2][a] / (step * step) - 12.0 * world[1][a] / (step * step * step);
-    spin += world[0][a] * world[0][a];
-    inside += h.data()[a] * h.data()[a];
-  }
-  for (int r = 0; r < 3; ++r)
-    for (int twice = 0; twice < 2; ++twice) std::copy(over[r], over[r] + 3, course.data() + 6 * r + 3 * twice);
-  for (int twice = 0; twice < 2; ++twice) std::copy(R.data(), R.data() + 9, turns.data() + 9 * twice);
-  const auto cubic = [&](const Array &a, Out &out, int size) {
-    std::fill(out.data(), out.data() + 2 * size, 0.0);
-    for (int i = 0; i < size; ++i) {
-      out.data()[2 * size + i] = (a.data()[size + i] - a.data()[i]) / step;
-      out.data()[3 * size + i] = a.data()[i];
-    }
-  };
-  cubic(J, J_, 9);
-  cubic(h, h_, 3);
-  const int substeps = 1 + static_cast<int>((std::sqrt(spin) + std::sqrt(inside)) / least * step / substep);
-  const double *at = course.data();
-  const Size kind = 0;
-  const Buffer still(2 * n, 0.0);
-  const auto [top, noise, turn_by] = rotation_rows(
-      Array(&step, {1}), Array(turns.data(), {2, 3, 3}), Array(at, {2, 3}), Array(at + 6, {2, 3}),
-      Array(at + 12, {2, 3}), Array(J_.data(), {4, 1, 3, 3}), Array(h_.data(), {4, 1, 3}), substeps,
-      Array(F.data(), {1, n, n}), Array(Q.data(), {1, n, n}), Index(&kind, {1}), axes, Array(still.data(), {2, n}));
-  std::copy(F.data(), F.data() + n * n, F_next.data());
-  std::copy(Q.data(), Q.data() + n * n, Q_next.data());
-  for (int i = 0; i < 3; ++i)
-    for (Size j = 0; j < n; ++j) {
-      F_next.data()[i * n + j] = top.data()[i * n + j];
-      Q_next.data()[i * n + j] = Q_next.data()[j * n + i] = noise.data()[i * n + j];
-    }
-  std::fill(away.data(), away.data() + 3, 0.0);
-  return std::make_tuple(away, turned(Array(turn_by.data(), {1, 3}), Array(R.data(), {1, 3, 3})), F_next, Q_next);
-}
-
-constexpr Flights table = {LANES, turn, rotation_rows, smooth, between, turned, lead};
+constexpr Flights table = {LANES, turn, rotation_rows, smooth, between, turned};
 
 } // namespace flight
 } // namespace

@@ -7,28 +7,22 @@ linearized about where the filter expects the next frame, which is as near as a 
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
-from forceid.compiled import engine as compiled
 from forceid.estimation.live.model import LiveModel
 from forceid.estimation.live.sight import Seen, Swing
-from forceid.flight.attitude import ReferenceTrajectory, between, turn_along, turned
-from forceid.flight.priors.protocol import INTEGRAL, LOAD, MOMENTUM, LoadPrior
+from forceid.estimation.live.turning import along_with_body, led_rows, turning
+from forceid.flight.attitude import between, turned
+from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
 from forceid.kalman.recursions.fixed_lag import NO_FRAME, OBSERVED, Course, begun, followed
-from forceid.motion import SUBSTEP
 from forceid.records import Array
 from forceid.significance import WILD
 
 TICKS = 1024  # parts of a step of the clock that steps are rounded to: 10 um at 20 m/s and 1 kHz
 CLOCKS = 512  # lengths of a step that are remembered, 7 kB each: a clock with more of them costs time
-BOTH = slice(0, 6)  # the two integrals of a load
-SMALL_TURN = 0.01  # rad: means over a shorter turn are those of none, to 1e-5 of what it bends
 NO_TURN = np.zeros(3)  # rad: of a first frame, and where nothing turns with the body
-WITHOUT_TURN = 1 / 2, 1 / 6, 1 / 12  # of no turn, of what multiplies its first power and its square
 
 
 @lru_cache(CLOCKS)
@@ -68,37 +62,6 @@ def rows_of(model: LiveModel, load: str, R: Array | None) -> Array:
     """Rows (3, state) that read a load, world axes, of a body at the rotation R (3, 3)."""
     rows, own = still_rows(model, load)
     return rows if own is None or R is None else rows + R @ own
-
-
-def along_with_body(prior: LoadPrior, F: Array, Q: Array, turn: Array, R: Array) -> tuple[Array, Array]:
-    """F and Q (state, state) over a step of a load that turns with a body: by the rotation vector turn (3,),
-    world axes, from R (3, 3). What its states add to the integrals goes to the axes of the world.
-
-    The mean of exp(u turn) over u from 0 to 1, and, as a push early in the step counts more in the second
-    integral, that with the weight 2 (1 - u): as of `forceid.flight.priors.body_fixed`, of a steady spin.
-    """
-    assert prior.body_axes is not None
-    size, K, n = math.hypot(*turn.tolist()), skew(turn), prior.vectors
-    a, b, c = WITHOUT_TURN
-    if size > SMALL_TURN:
-        a, b = (1 - math.cos(size)) / size**2, (size - math.sin(size)) / size**3
-        c = (1 - 2 * a) / size**2
-    at = R @ prior.body_axes
-    once = K @ at
-    twice, along = K @ once, np.zeros((6, 6))
-    along[INTEGRAL, INTEGRAL] = at + 2 * b * once + c * twice
-    along[MOMENTUM, MOMENTUM] = at + a * once + b * twice
-    F, Q = F.copy(), Q.copy()
-    F[BOTH, LOAD.start : n] = along @ F[BOTH, LOAD.start : n]
-    Q[BOTH, :n] = along @ Q[BOTH, :n]
-    Q[:n, BOTH] = Q[:n, BOTH] @ along.T
-    return F, Q
-
-
-def skew(a: Array) -> Array:
-    """[a]x (3, 3) of one vector, eight times as fast as `cross_matrix`: each frame needs some."""
-    x, y, z = a.tolist()
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def spin_of(J: Array, H: Array) -> Array:
@@ -171,18 +134,12 @@ def next_moment(
     step: since the one before, in s and in ticks; by (3,): what turns the body over it, of `turn_over_step`;
     swings: before the step and after it.
     """
-    prior = model.moment
-    assert prior is not None
     x, (F, Q, _) = course.x, transition(model, "moment", step[1])
-    turns = prior.body_axes is not None
+    rows, read = still_rows(model, "moment")
     if step[1]:
-        if turns:
-            F, Q = along_with_body(prior, F, Q, by, R)
-            F[MOMENTUM, OBSERVED] = -skew(F[MOMENTUM, LOAD] @ x[LOAD])  # states that stand in the body
-        x, R, F, Q = turning(model, x, R, step[0], swings, F, Q)
-    rows = rows_of(model, "moment", R)
-    if turns:
-        rows[:, OBSERVED] = -skew(rows @ x)
+        x, R, F, Q, rows = turning(model, x, R, step[0], by, swings, F, Q, rows, read)
+    else:
+        rows = led_rows(rows, read, R, x)
     z, cov = NO_FRAME, course.R
     if seen is not None:
         z, cov = (
@@ -195,47 +152,3 @@ def next_moment(
     theta = after.x[OBSERVED].copy()
     after.x[OBSERVED] = 0.0  # the reference takes the error
     return after, turned(theta[None], R[None])[0], off
-
-
-def turning(
-    model: LiveModel, x: Array, R: Array, step: float, swings: tuple[Swing, Swing], F: Array, Q: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Where a step leads from the states x and R: states and rotation, F and Q with the rotation error."""
-    assert model.moment is not None
-    axes, (now, then) = model.moment.axes, swings
-    J, h = np.array([now.J, then.J]), np.array([now.h, then.h])
-    if LEAD is None:
-        return turning_in_numpy(x, R, F, Q, axes, J, h, step, model.least)
-    x, R, F, Q = LEAD(x, R, F, Q, axes, J, h, step, model.least, SUBSTEP)
-    return x, R[0], F, Q
-
-
-def turning_in_numpy(
-    x: Array, R: Array, F: Array, Q: Array, axes: Array, J: Array, h: Array, step: float, least: float
-) -> tuple[Array, Array, Array, Array]:
-    """`turning`, step for step; J (2, 3, 3) and h (2, 3): before the step and after it."""
-    away, H = F @ x, x[MOMENTUM]
-    three = np.array([H, away[INTEGRAL] - step * H, away[MOMENTUM] - H]) @ axes.T
-    # the moment and its rate over the step that do as much to the two integrals
-    over = np.array([[1, 0, 0], [0, 6 / step**2, -2 / step], [0, -12 / step**3, 6 / step**2]]) @ three
-    size = math.hypot(*over[0].tolist()) + math.hypot(*h[0].tolist())
-    J, h = (np.stack([0 * a[0], 0 * a[0], (a[1] - a[0]) / step, a[0]])[:, None] for a in (J, h))
-    H0, T, dT = np.repeat(over[:, None], 2, 1)
-    substeps = 1 + int(size / least * step / SUBSTEP)
-    path = ReferenceTrajectory(np.array([step]), np.array([R, R]), H0, T, dT, J, h, substeps)
-    (R_next,), (by_theta,), by_H = turn_along(path)
-    start, first, second = by_H[:, 0] @ axes
-    by_both = np.concatenate(
-        [6 * (first - second / step) / step**2, (3 * second / step - 2 * first) / step], 1
-    )
-    top, noise = by_both @ F[BOTH], by_both @ Q[BOTH]
-    top[:, OBSERVED], top[:, MOMENTUM] = by_theta, start
-    noise[:, OBSERVED] = noise[:, BOTH] @ by_both.T
-    away[OBSERVED] = 0.0
-    F, Q = F.copy(), Q.copy()
-    F[OBSERVED] = top
-    Q[OBSERVED], Q[:, OBSERVED] = noise, noise.T
-    return away, R_next, F, Q
-
-
-LEAD: Any = getattr(compiled, "lead", None)  # None where nothing was compiled, or before it was there

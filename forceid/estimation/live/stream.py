@@ -40,10 +40,12 @@ class Pace:
     retune: float
 
     def after(self, kept: deque[Frame]) -> float:
-        """Seconds from a tuning on the frames kept to the next: when it has twice as many, up to the most."""
+        """Seconds from a tuning on the frames kept to the next: when it has twice as many, up to the most, and
+        what the last one found has counted.
+        """
         if len(kept) == kept.maxlen or self.retune == FOREVER:
             return self.retune
-        return min(self.retune, kept[-1].time - kept[0].time)
+        return min(self.retune, max(kept[-1].time - kept[0].time, TUNING_TIME))
 
 
 def wrenches(
@@ -101,7 +103,7 @@ def followed(
             if due == -FOREVER:
                 due, tuned_at = frame.time + pace.retune, frame.time
             kept.append(frame)
-            flight, out = onward(model, flight, frame, pace.lag, momentum_of(model, flight))
+            flight, out = onward(model, flight, frame, pace.lag, model.momentum)
             yield from out
             if flight is not None:
                 flight, out = told(model, flight, frame.time - pace.lag)
@@ -210,7 +212,9 @@ def flown(
 def onward(
     model: LiveModel, flight: LiveFlight | None, frame: Frame, lag: float, momentum: Array
 ) -> tuple[LiveFlight | None, tuple[LiveWrench, ...]]:
-    """The flight behind one more frame, and what that ends before too long a gap; momentum (3,): a guess."""
+    """The flight behind one more frame, and what that ends before too long a gap; momentum (3,): a guess for
+    the first.
+    """
     out: tuple[LiveWrench, ...] = ()
     why = ""
     if flight is not None:
@@ -219,7 +223,7 @@ def onward(
             return later, ()
         why = f"lost at {frame.time:g} s and begun anew"
         ended = flight._replace(pending=lost(flight, frame.time, lag, why)[0])
-        out = told(model, ended, FOREVER)[1]
+        out, momentum = told(model, ended, FOREVER)[1], momentum_of(model, flight)
     new = begun(model, frame, lag, momentum, why)
     nothing = np.full(3, np.nan)
     unseen = LiveWrench(frame.time, nothing, nothing, nothing, nothing, ("no pose so far",))

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from forceid.config import load_settings
-from forceid.estimation.live import loads
+from forceid.estimation.live import turning
 from forceid.estimation.live.run import followed_live, live_pace
 from forceid.estimation.run import estimate_recording
 from forceid.flight.channels import Start
@@ -95,6 +95,9 @@ def test_a_step_along_axes_of_the_body_is_that_in_the_world_turned_there():
             for i in range(6, len(F), 3):
                 T[i : i + 3, i : i + 3] = at
             ends.append(T)
-        found = loads.along_with_body(prior, *plain, turn, R[0])
+        found = turning.along_with_body(prior, *plain, turn, R[0])
         np.testing.assert_allclose(found[0], ends[1].T @ F @ ends[0], atol=1e-6 * np.abs(F).max())
         np.testing.assert_allclose(found[1], ends[1].T @ Q @ ends[1], atol=1e-6 * np.abs(Q).max())
+        written = turning.along_in_numpy(*plain, turn, R[0], own, prior.vectors)
+        for one, other in zip(found, written, strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-12 * np.abs(other).max())
