@@ -40,7 +40,7 @@ class Pace:
     retune: float
 
     def after(self, kept: deque[Frame]) -> float:
-        """Seconds from a tuning on the frames kept to the next: when it has twice as many, up to the most, and
+        """Seconds from a tuning on the frames kept to the next: it has twice as many, up to the most, and
         what the last one found has counted.
         """
         if len(kept) == kept.maxlen or self.retune == FOREVER:

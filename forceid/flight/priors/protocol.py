@@ -242,6 +242,11 @@ class LoadPrior:
         lines = tuple(replace(line, std=share * line.std) for line in self.lines)
         return replace(other, start=replace(self.start, mean=mean**2), lines=lines)
 
+    def rarely_slow(self, share: float, mean: float) -> LoadPrior:
+        """That of a load so many times as large that is as loud at high frequencies, and its mean too."""
+        other = self.moved(np.array([0.0, -np.log(share) / (self.kernel.order - 0.5)]))
+        return replace(self.scaled(share, mean), tuned=other.tuned)
+
     def moved(self, by: Array) -> LoadPrior:
         """The same with its kernel moved, for a search: by[0] the level, by[1] the rate, as logarithms."""
         return self.with_kernel(self.kernel.moved(by))

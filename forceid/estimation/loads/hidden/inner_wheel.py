@@ -5,13 +5,13 @@ any moment from outside does. The torque h' of what spins a wheel up is a moment
 leaves a pattern that the motion fixes, and the record is more or less likely with it. So does a force that
 acts at a point which stands still, in the body or beside it: the foot of a top turns it as a wheel would that
 takes its momentum away. So does a moment that keeps to the body, of fins or a thrust, where the spin is
-steady, and an inertia told wrong. Beforehand a wheel is as likely as none, and where there is none, each of
-these as likely as none of them.
+steady, and an inertia told wrong. Beforehand a wheel is as likely as none, and any share of the momentum that
+it holds as likely as any other; where there is none, each of these is as likely as none of them.
 
 Wheels are in the claim, weighed by their odds. One that takes the moment beyond its claim is said, unless the
-record excludes it, and is in the claim as if it were there. The verdict is degraded where a record shows it,
-by odds that one in a hundred without a wheel may reach at most. What flies without weight touches nothing:
-there no force at a point is a rival.
+record excludes every such one, and they are in the claim as if one of them were there. The verdict is
+degraded where a record shows it, by odds that one in a hundred without a wheel may reach at most. What flies
+without weight touches nothing: there no force at a point is a rival.
 Source: principal equations 2.4.
 """
 
@@ -42,11 +42,13 @@ STRONG = 10.0  # odds by which a record excludes a wheel (Jeffreys, Theory of Pr
 class Wheel:
     """Constant momenta inside of one size, kg m2/s rms along an axis, as a record leaves them.
 
-    odds: that such a one turns inside, over that none does; off (3,) N m: rms of what is then wrong with the
-    moment found, along the axes of its prior; h (3,) kg m2/s: what it most likely is, body axes.
+    likely: how many times as likely as none they make it; odds: that such a one turns inside, over that none
+    does; off (3,) N m: rms of what is then wrong with the moment found, along the axes of its prior; h (3,)
+    kg m2/s: what it most likely is, body axes.
     """
 
     size: float
+    likely: float
     odds: float
     off: Array
     h: Array
@@ -93,7 +95,7 @@ def allow_for_wheels(
     total = without + sum(wheel.odds for wheel in found)
     beyond = [wheel for wheel in found if (wheel.off > SIGMAS * claimed).any()]
     odds = sum(wheel.odds for wheel in beyond)
-    excluded = STRONG * odds <= total - odds
+    excluded = STRONG * max((w.likely for w in beyond), default=0.0) <= without
     weights = [(w, w.odds / (total if excluded else odds)) for w in beyond]
     weights += [(w, w.odds / total) for w in found if w not in beyond]
     own = np.tile(np.eye(6), (*axes.shape[:-2], 1, 1))
@@ -129,14 +131,15 @@ def sizes_of_wheels(look: Whitened, most: float, least: float) -> list[float]:
 
 
 def wheels(look: Whitened, sizes: Sequence[float], held: Sequence[Held]) -> list[Wheel]:
-    """Wheels of sizes, of which a record holds so much; beforehand one wheel is as likely as none: nothing is
-    known of it.
+    """Wheels of sizes, of which a record holds so much; beforehand one is as likely as none, of any share of
+    the momentum: a size has the odds of the shares about it.
     """
     made, found = judged_loads(look), []
     for size, one in zip(sizes, held, strict=True):
         square = (made @ one.amounts) ** 2
         off = np.mean(square + np.einsum("tah,hk,tak->ta", made, one.cov, made, optimize=True), axis=0)
-        found.append(Wheel(size, float(np.exp(one.gained)) / len(sizes), np.sqrt(off), one.amounts))
+        likely = float(np.exp(one.gained))
+        found.append(Wheel(size, likely, likely * size / sum(sizes), np.sqrt(off), one.amounts))
     return found
 
 

@@ -1,7 +1,9 @@
 """Patterns that the motion fixes and a channel may hold in unknown amounts: is the record likelier with them?
 
-A wheel inside, a mass center or an inertia told wrong. The prior of the load has grown to what such a pattern
-passed for, so that smaller loads are tried beside it.
+A wheel inside, a mass center or an inertia told wrong. The prior of the load was tuned on a record in which
+such a pattern passed for a load, or took one away. So smaller loads are tried beside it, as loud as the one
+found at high frequencies alone, where patterns are not; and loads as large along every axis as along the
+strongest.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import product
 from typing import TypeAlias
 
 import numpy as np
@@ -18,7 +21,7 @@ from forceid.estimation.loads.hidden.whitened import Whitened
 from forceid.records import Array, Indices
 from forceid.significance import OUTLIER, TENTH
 
-Smaller: TypeAlias = "Callable[[float, float], tuple[float, Array]]"
+Smaller: TypeAlias = "Callable[[float, float, bool], tuple[float, Array]]"
 
 MOST_GAINED = 500.0  # log-likelihood beyond which odds are certain, and their numbers too large to hold
 QUARTERS = 4  # of a record, in which a pattern that is none will differ
@@ -39,14 +42,16 @@ class Held:
 
 
 def under_smaller(look: Whitened, size: float) -> Smaller:
-    """What a channel shows under a share of the load found, with a mean of a share of this size.
+    """What a channel shows under a share of the load found, with a mean of a share of this size, and whether
+    that is alike along all axes.
 
     The log-likelihood of the record, and `products_in_parts`; each share is filtered once, whoever asks.
     """
 
     @cache
-    def under(share: float, of_mean: float) -> tuple[float, Array]:
-        one = look.filtered(look.prior.scaled(share, size * of_mean))
+    def under(share: float, of_mean: float, alike: bool) -> tuple[float, Array]:
+        prior = look.prior.alike() if alike else look.prior
+        one = look.filtered(prior.rarely_slow(share, size * of_mean))
         return float(one.log_likelihood[0]), products_in_parts(np.nan_to_num(one.innovation))
 
     return under
@@ -58,15 +63,16 @@ def patterns_held(
     """How far a record holds patterns: each some columns of what a channel may show, and the std of amounts.
 
     under: the channel under smaller loads. With and without a pattern the load may be of any size up to the
-    one found, and its mean as well: each half of the last, while the record is likelier with any pattern.
+    one found, and its mean as well: each half of the last, while the record is likelier with any pattern; and
+    so may one that is alike along all axes.
     """
     every, none = np.arange(look.also.shape[2]), list[float]()
     own = [(every[columns], std * np.ones(len(every[columns]))) for columns, std in patterns]
     each: list[list[tuple[Array, Array, Array]]] = [[] for _ in patterns]
-    for mean_too in (False, True):
+    for mean_too, alike in product((False, True), (False, True)):
         highest = np.full(len(patterns), -np.inf)
         for share in 0.5 ** np.arange(mean_too, SIZES):
-            likely, products = under(float(share), float(share**mean_too))
+            likely, products = under(float(share), float(share**mean_too), alike)
             none.append(likely)
             for found, (columns, std) in zip(each, own, strict=True):
                 amount, cov, more = amounts(products, columns, std)
