@@ -5,6 +5,9 @@ covariance C. To set those of E to zero costs chi-square c_E^T C_EE^-1 c_E, the 
 evidence of a set of terms, under priors worth one number seen (unit information), is up to a constant
 
     -2 log evidence = chi-square + terms * log(numbers seen)    (Schwarz 1978; Kass and Wasserman 1995).
+
+A set that is nearly as likely may have other coefficients altogether, where the motion hardly tells its terms
+apart: what these differ by belongs to the claim, by how likely each set is (Draper 1995).
 """
 
 from __future__ import annotations
@@ -47,11 +50,45 @@ def choose(value: Array, cov: Array, always: Sequence[int], numbers: int) -> tup
     for kept in (every, fixed):
         best = of(kept)
         while True:
-            swaps = [kept ^ {i, j} for i in kept - fixed for j in every - kept]
-            near: list[frozenset[int]] = [kept, *(kept ^ {k} for k in every - fixed), *swaps]
+            near = neighbors(kept, every, fixed)
             nearest = near[int(np.argmin([of(one) for one in near]))]
             if not of(nearest) < best:
                 break
             kept, best = nearest, of(nearest)
         ends.append(kept)
     return tuple(sorted(ends[int(np.argmin([of(one) for one in ends]))]))
+
+
+def neighbors(kept: frozenset[int], every: frozenset[int], fixed: frozenset[int]) -> list[frozenset[int]]:
+    """A set of terms, and those that differ by one term in or out, or by one for another."""
+    swaps = [kept ^ {i, j} for i in kept - fixed for j in every - kept]
+    return [kept, *(kept ^ {k} for k in every - fixed), *swaps]
+
+
+def of_other_terms(
+    value: Array, cov: Array, which: Sequence[int], always: Sequence[int], numbers: int
+) -> Array:
+    """Covariance (kept, kept) that the terms kept have beside their own, as other sets are nearly as likely.
+
+    value, cov: as of `choose`; which: the terms kept. By the law of total variance, over the neighbors.
+
+    >>> of_other_terms(np.array([5.0, 2.0]), np.array([[1.0, 0.9], [0.9, 1.0]]), (0,), (), 100).round(2)
+    array([[1.72]])
+    """
+    size = np.sqrt(np.diag(cov))
+    scaled, spread = value / size, cov / np.outer(size, size)
+    told, own = np.linalg.inv(spread), list(which)
+    near = neighbors(frozenset(which), frozenset(range(len(value))), frozenset(always))
+    costs = np.array([cost(scaled, spread, kept, numbers) for kept in near])
+    weight = np.exp(-0.5 * (costs - costs.min()))
+    found, added = [], []
+    for kept in map(sorted, near):
+        mean, var = np.zeros(len(value)), np.zeros_like(spread)
+        inner = np.ix_(kept, kept)
+        var[inner] = np.linalg.inv(told[inner])
+        mean[kept] = var[kept] @ told @ scaled
+        found.append(mean[own])
+        added.append(var[np.ix_(own, own)])
+    off, more = np.array(found) - found[0], np.array(added) - added[0]
+    joint = np.einsum("m,mij->ij", weight / weight.sum(), more + off[:, :, None] * off[:, None])
+    return np.asarray(joint * np.outer(size[own], size[own]))

@@ -11,7 +11,7 @@ import numpy as np
 from forceid.config import AeroSetting, Settings
 from forceid.errors import ConfigError, DataError, EstimationError
 from forceid.laws.beginning import begun
-from forceid.laws.choosing import choose, price
+from forceid.laws.choosing import choose, of_other_terms, price
 from forceid.laws.courses import course_of
 from forceid.laws.fitted import FittedLaw, replay
 from forceid.laws.fitting import SLOPE_STEP, Fit, fit, linearized, paced, solved, start_steps
@@ -62,9 +62,12 @@ def fit_flights(estimates: Sequence[tuple[str, Estimate]], setting: LawSetting, 
         value, cov = about(courses, law, found, which, 1 / np.sqrt(np.diag(np.linalg.inv(cov))))
     gain = gains(value, cov, which, numbers)
     spread = spread_of(found)
+    claimed = spread.cov
+    if setting.choose and which:
+        claimed = claimed + of_other_terms(value, cov, which, always, numbers)
     replays = tuple(replay(c, r) for c, r in zip(courses, found.residual, strict=True))
     return FittedLaw(
-        aero, setting.ground, found.law.names, found.value, spread.cov, spread.factor, law.names, gain,
+        aero, setting.ground, found.law.names, found.value, claimed, spread.factor, law.names, gain,
         spread, replays, found.square, found.freedoms,
     )  # fmt: skip
 

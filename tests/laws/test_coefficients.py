@@ -15,7 +15,7 @@ from forceid.config import AeroSetting, load_settings
 from forceid.errors import ConfigError, DataError
 from forceid.estimation.run import estimate_recording
 from forceid.files import read_result, write_motion
-from forceid.laws.choosing import choose
+from forceid.laws.choosing import choose, of_other_terms
 from forceid.laws.courses import course_of
 from forceid.laws.flights import fit_flights
 from forceid.laws.flying import fly
@@ -186,3 +186,22 @@ def test_the_command_writes_a_model_and_flies_it_again(tmp_path, capsys):
         assert json.loads(f["coefficients"].attrs["fit"])["freedoms"] > 0
     assert main(["coefficients", str(motion), "-c", str(law)]) == 3
     assert main(["coefficients", str(result), "-c", str(law), "-o", str(tmp_path / "m.csv")]) == 2
+
+
+def test_claims_allow_for_terms_that_are_nearly_as_likely():
+    """A polynomial over a short range, its middle term none or of any size that is worth one number seen."""
+    rng, a, beside, alone = np.random.default_rng(5), np.linspace(0.1, 0.25, 60), [], []
+    X = np.stack([np.ones_like(a), a, a**2], 1)
+    cov = 2e-3**2 * np.linalg.inv(X.T @ X)
+    told = np.linalg.inv(cov)
+    for k in range(400):
+        middle = (k % 2) * np.sqrt(len(a) * cov[1, 1]) * rng.standard_normal()
+        true = np.array([0.18, middle, 1.1])
+        value = rng.multivariate_normal(true, cov)
+        which = list(choose(value, cov, (0, 2), len(a)))
+        own = np.linalg.inv(told[np.ix_(which, which)])
+        off = (own @ (told @ value)[which] - true[which]) ** 2
+        alone.append(np.mean(off / np.diag(own)))
+        beside.append(np.mean(off / np.diag(own + of_other_terms(value, cov, which, (0, 2), len(a)))))
+    assert np.sqrt(np.mean(alone)) > 2.0
+    assert 0.8 < np.sqrt(np.mean(beside)) < 1.2
