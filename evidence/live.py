@@ -233,14 +233,15 @@ def main() -> None:
 
 FREE = (
     "Nothing pushes the top. What is not known of a force that may be constant falls with the time watched, "
-    "to the power 5/2: its first stretch is 1.02 s of 1.5 s, which makes 2.6. No lag of 50 ms mends that."
+    "to the power 5/2: its first stretch is 1.02 s of 1.5 s, which makes 2.6. Of the boomerang 0.1 s of 0.6 s "
+    "are behind it."
 )
 BY_LAG = (
     "Error over that of the smoother, of whole records; in the picture also behind the first stretch, dotted."
 )
 HOURS_TEXT = (
-    "A rigid body of four markers at 1000 Hz tumbles and is shaken, {frames} frames. It is tuned anew every "
-    "60 s on the last 1024 frames, in the same process. The first minute and the last:"
+    "A rigid body of four markers at 1000 Hz tumbles and is shaken, {frames} frames. It is tuned anew after "
+    "5 s and then every 60 s on the last 1024 frames, in the same process. The first minute and the last:"
 )
 
 if __name__ == "__main__":

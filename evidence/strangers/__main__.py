@@ -63,7 +63,7 @@ def main() -> None:
     told = ", ".join(f"{row.kind} {row.seed}" for row in amiss)
     parts = [
         table,
-        *[f"Silent, refused or crashed: {told}. To see one: `--only KIND --seeds SEED`."] * bool(told),
+        *[f"Silent, refused or crashed: `{told}`. To see one: `--only KIND --seeds SEED`."] * bool(told),
     ]
     if folder is None:
         print("\n\n".join(parts))
