@@ -17,6 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from forceid.records import Array
+from forceid.significance import CHANCE
 
 
 def price(numbers: int) -> float:
@@ -70,7 +71,8 @@ def of_other_terms(
 ) -> Array:
     """Covariance (kept, kept) that the terms kept have beside their own, as other sets are nearly as likely.
 
-    value, cov: as of `choose`; which: the terms kept. By the law of total variance, over the neighbors.
+    value, cov: as of `choose`; which: the terms kept. By the law of total variance, over the neighbors that
+    are likelier than CHANCE beside the set: no interval of 95 % is as wide as all that is possible.
 
     >>> of_other_terms(np.array([5.0, 2.0]), np.array([[1.0, 0.9], [0.9, 1.0]]), (0,), (), 100).round(2)
     array([[1.72]])
@@ -81,6 +83,7 @@ def of_other_terms(
     near = neighbors(frozenset(which), frozenset(range(len(value))), frozenset(always))
     costs = np.array([cost(scaled, spread, kept, numbers) for kept in near])
     weight = np.exp(-0.5 * (costs - costs.min()))
+    weight[weight < CHANCE * weight[0]] = 0.0
     found, added = [], []
     for kept in map(sorted, near):
         mean, var = np.zeros(len(value)), np.zeros_like(spread)

@@ -40,11 +40,12 @@ def thrown():
 
 @pytest.mark.long
 def test_a_ball_gives_back_its_drag_and_its_magnus_force(thrown):
+    """Its spin hardly changes, so that a lift without spin is possible beside, at odds of one in five."""
     drawn, found = thrown
     law = fit_flights([("ball", found)], LawSetting(law=BALL), "law")
     assert law.name == ("drag.1", "lift.spin")
     assert (np.abs(law.value - [drawn.true[n] for n in law.name]) < 3 * law.std).all()
-    assert (law.std < 0.02 * np.abs(law.value)).all()
+    assert (law.std < [0.02, 0.06] * np.abs(law.value)).all()
     assert law.replays[0].misfit == pytest.approx(1.0, abs=0.1)
 
 
