@@ -233,7 +233,7 @@ def main() -> None:
 
 FREE = (
     "Nothing pushes the top. What is not known of a force that may be constant falls with the time watched, "
-    "to the power 5/2: its first stretch is 1.02 s of 1.5 s, which makes 2.6. Of the boomerang 0.1 s of 0.6 s "
+    "to the power 5/2: its first stretch is 1.02 s of 1.5 s, which makes 2.6. 0.1 s of the boomerang "
     "are behind it."
 )
 BY_LAG = (
