@@ -233,8 +233,8 @@ def main() -> None:
 
 FREE = (
     "Nothing pushes the top. What is not known of a force that may be constant falls with the time watched, "
-    "to the power 5/2: its first stretch is 1.02 s of 1.5 s, which makes 2.6. 0.1 s of the boomerang "
-    "are behind it."
+    "to the power 5/2: its first stretch is 1.02 s of 1.5 s, which makes 2.6. Behind that of the "
+    "boomerang is 0.1 s."
 )
 BY_LAG = (
     "Error over that of the smoother, of whole records; in the picture also behind the first stretch, dotted."
