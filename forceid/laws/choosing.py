@@ -51,7 +51,7 @@ def choose(value: Array, cov: Array, always: Sequence[int], numbers: int) -> tup
     for kept in (every, fixed):
         best = of(kept)
         while True:
-            near = neighbors(kept, every, fixed)
+            near = sets_beside(kept, every, fixed)
             nearest = near[int(np.argmin([of(one) for one in near]))]
             if not of(nearest) < best:
                 break
@@ -60,7 +60,7 @@ def choose(value: Array, cov: Array, always: Sequence[int], numbers: int) -> tup
     return tuple(sorted(ends[int(np.argmin([of(one) for one in ends]))]))
 
 
-def neighbors(kept: frozenset[int], every: frozenset[int], fixed: frozenset[int]) -> list[frozenset[int]]:
+def sets_beside(kept: frozenset[int], every: frozenset[int], fixed: frozenset[int]) -> list[frozenset[int]]:
     """A set of terms, and those that differ by one term in or out, or by one for another."""
     swaps = [kept ^ {i, j} for i in kept - fixed for j in every - kept]
     return [kept, *(kept ^ {k} for k in every - fixed), *swaps]
@@ -80,7 +80,7 @@ def of_other_terms(
     size = np.sqrt(np.diag(cov))
     scaled, spread = value / size, cov / np.outer(size, size)
     told, own = np.linalg.inv(spread), list(which)
-    near = neighbors(frozenset(which), frozenset(range(len(value))), frozenset(always))
+    near = sets_beside(frozenset(which), frozenset(range(len(value))), frozenset(always))
     costs = np.array([cost(scaled, spread, kept, numbers) for kept in near])
     weight = np.exp(-0.5 * (costs - costs.min()))
     weight[weight < CHANCE * weight[0]] = 0.0
