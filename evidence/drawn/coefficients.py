@@ -201,7 +201,7 @@ def main() -> None:
         f"Of {len(found)} laws, {len(wrong)} have other terms than the true ones. "
         f"Left out: {counted(missed)}. Taken beside: {counted(extra)}. "
         f"{sum(bool(j.refused) for j in found)} flights were refused. "
-        "Intervals allow for other sets of terms that are nearly as likely.",
+        "Intervals allow for sets of terms nearly as likely.",
         "The scenes that forceid ships (`data/synthetic`), with intervals of 95 %. The boomerang bends. Its "
         "law takes it in its mean shape, strip by strip, with lift that swings at 7 and 18 Hz.",
         tabled(("scene", "coefficient", "true", "found"), shipped()),
