@@ -1,4 +1,4 @@
-// One step of a flight that is followed as it goes: written in numpy in estimation/live/loads.py, step for step the
+// One step of a flight that is followed as it goes: written in numpy in estimation/live/turning.py, step for step the
 // same. Row-major doubles.
 
 namespace {
