@@ -87,6 +87,7 @@ PYBIND11_MODULE(_engine, module) {
   def("whitened", chosen.whitening.whitened);
   def("fixed_to_body", chosen.body_fixed.fixed);
   def("along", chosen.leads.along);
-  def("lead", chosen.leads.lead);
+  def("onward", chosen.leads.onward);
+  def("look", chosen.leads.look);
   def("shocks", chosen.shocks.seen);
 }

@@ -16,6 +16,7 @@
 #include "../flight/body_fixed.hpp"
 #include "../flight/lead.hpp"
 #include "../motion/poses.hpp"
+#include "../flight/look.hpp"
 #include "twofold.hpp"
 #include "../motion/kabsch.hpp"
 #include "../principal/folded.hpp"
@@ -24,4 +25,4 @@
 
 const Kernels baseline_kernels = {
     passes::table, flight::table, {folded::sums, poses::fitted, kabsch::turned, polar::polar, polar::bipolar_factors, splitting::steps},
-    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}, {body_fixed::fixed}, {lead::along, lead::lead}, {shocks::seen}};
+    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}, {body_fixed::fixed}, {lead::along, lead::onward, look::look}, {shocks::seen}};

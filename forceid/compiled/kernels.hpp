@@ -15,6 +15,8 @@ using Poses = std::tuple<Out, Out, Out, Out, Out>;
 using Runs = std::tuple<Tensor<Size>, Out, Out, Out, Out, Size>;
 using Later = std::tuple<Tensor<Size>, Out, Size>;
 using Followed = std::tuple<Out, Out, Out, Out, Out, Out, double>;
+using Onward = std::tuple<Out, Out, Out, Out, Out, Out, double, Out, Out, Out>;
+using Looked = std::tuple<Out, Out, Out, Out, Out, bool>;
 using Smoothed = std::tuple<const char *, Out, Out, Out, Out, double, Out, Out, double>;
 
 // kalman/passes.hpp
@@ -81,11 +83,15 @@ struct BodyFixed {
   Two (*fixed)(Array F, Array Q, Index which, Array early, Array mean, Array at, Size n);
 };
 
-// flight/lead.hpp
+// flight/lead.hpp and look.hpp
 struct Leads {
   Two (*along)(Array F, Array Q, Array turn, Array R, Array own, Size n, double small);
-  Five (*lead)(Array x, Array R, Array F, Array Q, Array axes, Array J, Array h, double step, double least,
-               double substep, Array rows, Array turn, Array own, Size states, Array read, double small);
+  Onward (*onward)(Array P, Array gain, Array noise_before, Array y, Array C, Array var, Array x, Array R, Array F,
+                   Array Q, Array axes, Array J_now, Array h_now, Array J_then, Array h_then, double step,
+                   double least, double substep, Array rows, Array own, Size states, Array read, double small,
+                   bool turns, Array seen, Array cov, double most);
+  Looked (*look)(Array position, Index nodes, Array shape, Array weight, Array A, Array C, Array share, Array x,
+                 Array onward, Array gain, Array leak, Array inertia, Array momentum, Array inside, Size each);
 };
 
 // kalman/shocks.hpp

@@ -18,6 +18,7 @@ V3
 #include "../flight/body_fixed.hpp"
 #include "../flight/lead.hpp"
 #include "../motion/poses.hpp"
+#include "../flight/look.hpp"
 #include "twofold.hpp"
 #include "../motion/kabsch.hpp"
 #include "../principal/folded.hpp"
@@ -26,5 +27,5 @@ V3
 
 const Kernels v3_kernels = {
     passes::table, flight::table, {folded::sums, poses::fitted, kabsch::turned, polar::polar, polar::bipolar_factors, splitting::steps},
-    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}, {body_fixed::fixed}, {lead::along, lead::lead}, {shocks::seen}};
+    {fixed_lag::follow}, {::steps::discretized}, {spectra::misfit, spectra::slopes, spectra::scoring_step}, {whitening::whitened}, {body_fixed::fixed}, {lead::along, lead::onward, look::look}, {shocks::seen}};
 #endif

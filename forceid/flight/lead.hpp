@@ -1,4 +1,4 @@
-// One step of a flight that is followed as it goes: written in numpy in estimation/live/turning.py, step for step the
+// One step of a flight that is followed as it goes: written in numpy in estimation/live/turning.py and loads.py, step for step the
 // same. Row-major doubles.
 
 namespace {
@@ -69,86 +69,169 @@ INLINE void lean(const double *v, double *rows, Size size) {
   for (int i = 0; i < 3; ++i) std::copy(z + 3 * i, z + 3 * i + 3, rows + i * size);
 }
 
-// States, rotation, F, Q and rows behind the step. x (state,): theta, H and the chain of the moment, along axes; R
-// (3, 3); F, Q (state, state): of the chain; J (2, 3, 3) and h (2, 3) before the step and after it; least: moment of
-// inertia; SUBSTEP: rad; rows (3, state) read the moment, world axes. Of a load that turns with the body: own (3, 3),
-// its axes there, n of its states, turn (3,) over the step, read (3, state) along axes of the body; else own is empty.
-Five lead(Array x, Array R, Array F_given, Array Q_given, Array axes, Array J, Array h, double step, double least,
-          double substep, Array rows, Array turn, Array own, Size states, Array read, double small) {
-  using flight::rotation_rows;
+// What a step leads to: states and rotation, F and Q (state, state) with the rotation error, and the rows (3, state)
+// that read the moment behind it.
+struct Led {
+  Buffer x, F, Q, rows;
+  double R[9];
+};
+
+// a (3, 3) B (3, 3) C (3, 3)^T
+INLINE void turned_both(const double *a, const double *B, const double *C, double *out) {
+  double half[9];
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      half[3 * i + j] = a[3 * i] * B[j] + a[3 * i + 1] * B[3 + j] + a[3 * i + 2] * B[6 + j];
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      out[3 * i + j] = half[3 * i] * C[3 * j] + half[3 * i + 1] * C[3 * j + 1] + half[3 * i + 2] * C[3 * j + 2];
+}
+
+// x (state,): theta, H and the chain of the moment, along axes (3, 3); R (3, 3); F, Q (state, state): of the chain; J
+// (3, 3) and h (3,) half way; least: moment of inertia; substep: rad; rows (3, state) read the moment, world axes. Of a
+// load that turns with the body by the rotation vector turn (3,): own (3, 3), its axes there, n of its states, read
+// (3, state) along axes of the body; else own is empty.
+Led lead(const Array &x, const double *R, const Array &F_given, const Array &Q_given, const double *axes,
+         const double *J, const double *h, double step, double least, double substep, const Array &rows,
+         const double *turn, const Array &own, Size states, const Array &read, double small) {
+  using namespace flight;
   const Size n = x.shape(0);
-  Out away({n}), F({n, n}), Q({n, n}), F_next({n, n}), Q_next({n, n}), rows_next({3, n});
-  Out turns({2, 3, 3}), course({3, 2, 3}), J_({4, 1, 3, 3}), h_({4, 1, 3});
-  std::copy(F_given.data(), F_given.data() + n * n, F.data());
-  std::copy(Q_given.data(), Q_given.data() + n * n, Q.data());
+  Led led{Buffer(n), Buffer(F_given.data(), F_given.data() + n * n), Buffer(Q_given.data(), Q_given.data() + n * n),
+          Buffer(rows.data(), rows.data() + 3 * n), {}};
+  double *away = led.x.data(), *F = led.F.data(), *Q = led.Q.data();
   if (own.size()) {
-    keep_to_body(F.data(), Q.data(), n, turn.data(), R.data(), own.data(), states, small);
+    keep_to_body(F, Q, n, turn, R, own.data(), states, small);
     double pushed[3] = {}; // by states that stand in the body
     for (int i = 0; i < 3; ++i)
-      for (Size j = 6; j < n; ++j) pushed[i] += F.data()[(3 + i) * n + j] * x.data()[j];
-    lean(pushed, F.data() + 3 * n, n);
+      for (Size j = 6; j < n; ++j) pushed[i] += F[(3 + i) * n + j] * x.data()[j];
+    lean(pushed, F + 3 * n, n);
   }
-  for (Size i = 0; i < n; ++i) {
-    away.data()[i] = 0.0;
-    for (Size j = 0; j < n; ++j) away.data()[i] += F.data()[i * n + j] * x.data()[j];
-  }
+  for (Size i = 0; i < n; ++i)
+    for (Size j = 0; j < n; ++j) away[i] += F[i * n + j] * x.data()[j];
   double along_axes[3][3], over[3][3], world[3][3] = {}; // H, and what the moment adds to Y and H
   for (int a = 0; a < 3; ++a) {
     along_axes[0][a] = x.data()[3 + a];
-    along_axes[1][a] = away.data()[a] - step * along_axes[0][a];
-    along_axes[2][a] = away.data()[3 + a] - along_axes[0][a];
+    along_axes[1][a] = away[a] - step * along_axes[0][a];
+    along_axes[2][a] = away[3 + a] - along_axes[0][a];
   }
   for (int r = 0; r < 3; ++r)
     for (int a = 0; a < 3; ++a)
-      for (int b = 0; b < 3; ++b) world[r][a] += axes.data()[3 * a + b] * along_axes[r][b];
-  double spin = 0.0, inside = 0.0;
+      for (int b = 0; b < 3; ++b) world[r][a] += axes[3 * a + b] * along_axes[r][b];
+  double spin = 0.0, inside = 0.0, still[12 * 4] = {};
   for (int a = 0; a < 3; ++a) {
     over[0][a] = world[0][a];
     over[1][a] = 6.0 * world[1][a] / (step * step) - 2.0 * world[2][a] / step;
     over[2][a] = 6.0 * world[2][a] / (step * step) - 12.0 * world[1][a] / (step * step * step);
     spin += world[0][a] * world[0][a];
-    inside += h.data()[a] * h.data()[a];
+    inside += h[a] * h[a];
   }
-  for (int r = 0; r < 3; ++r)
-    for (int twice = 0; twice < 2; ++twice) std::copy(over[r], over[r] + 3, course.data() + 6 * r + 3 * twice);
-  for (int twice = 0; twice < 2; ++twice) std::copy(R.data(), R.data() + 9, turns.data() + 9 * twice);
-  const auto cubic = [&](const Array &a, Out &out, int size) {
-    std::fill(out.data(), out.data() + 2 * size, 0.0);
-    for (int i = 0; i < size; ++i) {
-      out.data()[2 * size + i] = (a.data()[size + i] - a.data()[i]) / step;
-      out.data()[3 * size + i] = a.data()[i];
-    }
-  };
-  cubic(J, J_, 9);
-  cubic(h, h_, 3);
+  std::copy(J, J + 9, still + 27); // cubics of which the last number is not zero alone
+  std::copy(h, h + 3, still + 45);
   const int substeps = 1 + static_cast<int>((std::sqrt(spin) + std::sqrt(inside)) / least * step / substep);
-  const double *at = course.data();
-  const Size kind = 0;
-  const Buffer still(2 * n, 0.0);
-  const auto [top, noise, turn_by] = rotation_rows(
-      Array(&step, {1}), Array(turns.data(), {2, 3, 3}), Array(at, {2, 3}), Array(at + 6, {2, 3}),
-      Array(at + 12, {2, 3}), Array(J_.data(), {4, 1, 3, 3}), Array(h_.data(), {4, 1, 3}), substeps,
-      Array(F.data(), {1, n, n}), Array(Q.data(), {1, n, n}), Index(&kind, {1}), axes, Array(still.data(), {2, n}));
-  std::copy(F.data(), F.data() + n * n, F_next.data());
-  std::copy(Q.data(), Q.data() + n * n, Q_next.data());
+  const Course course{Array(&step, {1}), Array(R, {1, 3, 3}), Array(over[0], {1, 3}), Array(over[1], {1, 3}),
+                      Array(over[2], {1, 3}), Array(still, {4, 1, 3, 3}), Array(still + 36, {4, 1, 3}), substeps};
+  const Size alone[LANES] = {};
+  Matrix end, theta, by[3], stood;
+  course.turn(alone, end, theta, by);
+  for (int i = 0; i < 9; ++i) {
+    led.R[i] = end.a[i][0];
+    stood.a[i] = all(axes[i]);
+  }
+  const Lanes inverse_step = all(1.0 / step);
+  const Matrix by_Y = (by[1] + by[2] * -inverse_step) * (6.0 * inverse_step * inverse_step) * stood;
+  const Matrix by_momentum = (by[2] * (3.0 * inverse_step) + by[1] * all(-2)) * inverse_step * stood;
+  const Matrix start = by[0] * stood;
+  double both[18]; // (3, 6)
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) {
+      both[6 * i + j] = by_Y.a[3 * i + j][0];
+      both[6 * i + 3 + j] = by_momentum.a[3 * i + j][0];
+    }
+  Buffer top(3 * n, 0.0), noise(3 * n, 0.0);
+  for (int i = 0; i < 3; ++i)
+    for (int l = 0; l < 6; ++l)
+      for (Size j = 0; j < n; ++j) {
+        top[i * n + j] += both[6 * i + l] * F[l * n + j];
+        noise[i * n + j] += both[6 * i + l] * Q[l * n + j];
+      }
+  for (int i = 0; i < 3; ++i) {
+    double square[3] = {};
+    for (int j = 0; j < 3; ++j) {
+      top[i * n + j] = theta.a[3 * i + j][0];
+      top[i * n + 3 + j] = start.a[3 * i + j][0];
+      for (int l = 0; l < 6; ++l) square[j] += noise[i * n + l] * both[6 * j + l];
+    }
+    std::copy(square, square + 3, noise.data() + i * n);
+  }
   for (int i = 0; i < 3; ++i)
     for (Size j = 0; j < n; ++j) {
-      F_next.data()[i * n + j] = top.data()[i * n + j];
-      Q_next.data()[i * n + j] = Q_next.data()[j * n + i] = noise.data()[i * n + j];
+      F[i * n + j] = top[i * n + j];
+      Q[i * n + j] = Q[j * n + i] = noise[i * n + j];
     }
-  std::fill(away.data(), away.data() + 3, 0.0);
-  Out R_next = flight::turned(Array(turn_by.data(), {1, 3}), Array(R.data(), {1, 3, 3}));
-  std::copy(rows.data(), rows.data() + 3 * n, rows_next.data());
+  std::fill(away, away + 3, 0.0);
   if (own.size()) {
     double pushed[3] = {};
     for (int i = 0; i < 3; ++i)
       for (Size j = 0; j < n; ++j) {
-        for (int k = 0; k < 3; ++k) rows_next.data()[i * n + j] += R_next.data()[3 * i + k] * read.data()[k * n + j];
-        pushed[i] += rows_next.data()[i * n + j] * away.data()[j];
+        for (int k = 0; k < 3; ++k) led.rows[i * n + j] += led.R[3 * i + k] * read.data()[k * n + j];
+        pushed[i] += led.rows[i * n + j] * away[j];
       }
-    lean(pushed, rows_next.data(), n);
+    lean(pushed, led.rows.data(), n);
   }
-  return std::make_tuple(away, R_next, F_next, Q_next, rows_next);
+  return led;
+}
+
+// One frame more of a moment that is followed (see kalman/fixed_lag.hpp), and the rotation behind it: that which the
+// step leads to, and then by what the frame shows. now: J and h before the step, then: after it; turns: whether some
+// load keeps to the body; seen (3, 3): the rotation that the frame shows, with cov (3, 3), body axes, empty for none.
+// Returned beside what is followed: R (3, 3), noise of the frame (3, 3), world axes, and what turned the body (3,).
+Onward onward(Array P, Array gain, Array noise_before, Array y, Array C, Array var, Array x, Array R_, Array F, Array Q,
+              Array axes, Array J_now, Array h_now, Array J_then, Array h_then, double step, double least,
+              double substep, Array rows, Array own, Size states, Array read, double small, bool turns, Array seen,
+              Array cov, double most) {
+  using namespace flight;
+  const Size n = x.shape(0);
+  const double *R = R_.data();
+  Out R_next({3, 3}), noise({3, 3}), turn_({3});
+  double J[9], h[3], *turn = turn_.data(), *at = R_next.data();
+  for (int i = 0; i < 9; ++i) J[i] = 0.5 * (J_now.data()[i] + J_then.data()[i]);
+  for (int i = 0; i < 3; ++i) h[i] = 0.5 * (h_now.data()[i] + h_then.data()[i]);
+  std::fill(turn, turn + 3, 0.0);
+  if (turns) { // at the spin before the step
+    double H[3] = {}, body[3], spin[3], inverse[9];
+    for (int a = 0; a < 3; ++a)
+      for (int b = 0; b < 3; ++b) H[a] += axes.data()[3 * a + b] * x.data()[3 + b];
+    for (int a = 0; a < 3; ++a) body[a] = R[a] * H[0] + R[3 + a] * H[1] + R[6 + a] * H[2] - h_now.data()[a];
+    fixed_lag::invert(J_now.data(), inverse);
+    for (int a = 0; a < 3; ++a)
+      spin[a] = inverse[3 * a] * body[0] + inverse[3 * a + 1] * body[1] + inverse[3 * a + 2] * body[2];
+    for (int a = 0; a < 3; ++a) turn[a] = step * (R[3 * a] * spin[0] + R[3 * a + 1] * spin[1] + R[3 * a + 2] * spin[2]);
+  }
+  const Led led = lead(x, R, F, Q, axes.data(), J, h, step, least, substep, rows, turn, own, states, read, small);
+  const bool shown = seen.size() > 0;
+  double off[3] = {};
+  if (shown) {
+    double apart[9] = {};
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j)
+        for (int k = 0; k < 3; ++k) apart[3 * i + j] += seen.data()[3 * i + k] * led.R[3 * j + k];
+    logarithm(apart, off);
+    turned_both(seen.data(), cov.data(), seen.data(), noise.data());
+  } else {
+    std::copy(noise_before.data(), noise_before.data() + 9, noise.data());
+  }
+  auto [x_next, P_next, K, y_next, C_next, var_next, far] = fixed_lag::follow(
+      P, gain, noise_before, y, C, var, Array(led.F.data(), {n, n}), Array(led.Q.data(), {n, n}),
+      Array(led.x.data(), {n}), Array(led.rows.data(), {3, n}), Array(off, {shown ? 3 : 0}),
+      Array(noise.data(), {3, 3}), most);
+  std::copy(led.R, led.R + 9, at);
+  if (K.size()) { // the reference takes the error
+    const Size alone[LANES] = {};
+    const Matrix R_seen = exponential(vector(Samples(x_next.data(), 3, alone))) * matrix(Samples(led.R, 9, alone));
+    for (int i = 0; i < 9; ++i) at[i] = R_seen.a[i][0];
+    std::fill(x_next.data(), x_next.data() + 3, 0.0);
+  }
+  return std::make_tuple(x_next, P_next, K, y_next, C_next, var_next, far, R_next, noise, turn_);
 }
 
 } // namespace lead

@@ -65,21 +65,27 @@ Followed follow(Array P_, Array gain_, Array R_, Array y_, Array C_, Array var_,
   Out P2({n, n}), C2({p + m, n}), y2({p + m}), var2({p + m}), x2({n});
   Out none({0, 3});
   // F, closed by the gain of the frame before; all matrices with rows of `wide`, zero beyond n
-  const Size wide = padded(n);
+  const Size wide = padded(n), few = padded(3);
   static thread_local Buffer memory;
-  memory.resize((3 * n + std::max(p, n)) * wide + 6 * n);
-  double *closed = memory.data(), *turned = closed + n * wide, *through = turned + n * wide;
-  double *spread = through + 3 * n, *work = spread + 3 * n, *further = work + n * wide;
+  memory.resize((3 * n + std::max(p, n) + 3) * wide + (2 * few + 3) * n);
+  double *closed = memory.data(), *turned = closed + n * wide, *work = turned + n * wide;
+  double *further = work + n * wide, *own = further + std::max(p, n) * wide;
+  double *through = own + 3 * wide, *gained = through + n * few, *spread = gained + n * few;
   std::fill(closed, work, 0.0);
   const double *F = F_.data(), *Q = Q_.data(), *K_before = gain_.data();
+  if (closed_loop) {
+    std::fill(gained, gained + n * few, 0.0);
+    for (Size i = 0; i < n; ++i) std::copy(K_before + 3 * i, K_before + 3 * i + 3, gained + i * few);
+    multiply(F, n, gained, through, n, n, few);
+  } else {
+    std::fill(through, through + n * few, 0.0);
+  }
   for (Size i = 0; i < n; ++i) {
-    std::copy(F + i * n, F + i * n + n, closed + i * wide);
-    if (!closed_loop) continue;
-    for (Size k = 0; k < n; ++k)
-      for (int l = 0; l < 3; ++l) through[3 * i + l] += F[i * n + k] * K_before[3 * k + l];
-    for (int l = 0; l < 3; ++l) closed[i * wide + l] -= through[3 * i + l];
+    const double *by = through + i * few;
     for (int l = 0; l < 3; ++l)
-      for (int k = 0; k < 3; ++k) spread[3 * i + l] += through[3 * i + k] * R_.data()[3 * k + l];
+      spread[3 * i + l] = by[0] * R_.data()[l] + by[1] * R_.data()[3 + l] + by[2] * R_.data()[6 + l];
+    std::copy(F + i * n, F + i * n + n, closed + i * wide);
+    for (int l = 0; l < 3; ++l) closed[i * wide + l] -= by[l];
   }
   for (Size i = 0; i < n; ++i)
     for (Size j = 0; j < n; ++j) turned[j * wide + i] = closed[i * wide + j];
@@ -87,23 +93,21 @@ Followed follow(Array P_, Array gain_, Array R_, Array y_, Array C_, Array var_,
   double *P = P2.data();
   multiply(P_.data(), n, turned, work, n, n, wide);
   multiply(closed, wide, work, further, n, n, wide);
-  for (Size i = 0; i < n; ++i)
+  for (Size i = 0; i < n; ++i) {
+    const double *a = spread + 3 * i;
     for (Size j = 0; j <= i; ++j) {
-      double sum = 0.5 * (further[i * wide + j] + further[j * wide + i]) + Q[i * n + j];
-      for (int l = 0; l < 3; ++l) sum += spread[3 * i + l] * through[3 * j + l];
-      P[i * n + j] = P[j * n + i] = sum;
+      const double *b = through + j * few, held = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+      const double sum = 0.5 * (further[i * wide + j] + further[j * wide + i]) + Q[i * n + j] + held;
+      P[i * n + j] = P[j * n + i] = work[i * wide + j] = work[j * wide + i] = sum;
     }
+  }
   // what is pending, and the frame itself
   double *C = C2.data(), *y = y2.data(), *var = var2.data(), *x = x2.data();
   const double *rows = rows_.data();
   multiply(C_.data(), n, turned, further, p, n, wide);
   for (Size i = 0; i < p; ++i) std::copy(further + i * wide, further + i * wide + n, C + i * n);
-  for (Size i = 0; i < m; ++i)
-    for (Size j = 0; j < n; ++j) {
-      double sum = 0.0;
-      for (Size k = 0; k < n; ++k) sum += rows[i * n + k] * P[k * n + j];
-      C[(p + i) * n + j] = sum;
-    }
+  multiply(rows, n, work, own, m, n, wide);
+  for (Size i = 0; i < m; ++i) std::copy(own + i * wide, own + i * wide + n, C + (p + i) * n);
   std::copy(y_.data(), y_.data() + p, y);
   std::copy(var_.data(), var_.data() + p, var);
   std::copy(x_.data(), x_.data() + n, x);

@@ -13,7 +13,6 @@ from forceid.estimation.live.loads import (
     begun_moment,
     next_force,
     next_moment,
-    turn_over_step,
 )
 from forceid.estimation.live.model import LiveModel
 from forceid.estimation.live.sight import Swing, look, moved
@@ -71,9 +70,7 @@ def begun(model: LiveModel, frame: Frame, lag: float, momentum: Array, why: str 
     moment = None
     if model.moment is not None:
         course = begun_moment(model, momentum)
-        moment, _, _ = next_moment(
-            model, course, seen.rotation, (0.0, 0), NO_TURN, seen, (swing, swing), False
-        )
+        moment, _, _, _ = next_moment(model, course, seen.rotation, (0.0, 0), seen, (swing, swing), False)
     reasons = (*missing(model, lacking), *([why] if why else []))
     until = frame.time + lag if why else -np.inf
     return LiveFlight(
@@ -93,9 +90,8 @@ def behind(model: LiveModel, flight: LiveFlight, frame: Frame, lag: float) -> Li
     wild = flight.spared >= SPARED
     moment, R, turn, off = flight.moment, flight.rotation, None, None
     if moment is not None and R is not None:
-        swings = (flight.swing, swing)
-        by, before = turn_over_step(model, moment, R, flight.swing, step), R
-        moment, R, off = next_moment(model, moment, R, (step, ticks), by, seen, swings, wild)
+        before, swings = R, (flight.swing, swing)
+        moment, R, by, off = next_moment(model, moment, R, (step, ticks), seen, swings, wild)
         turn = before, by, R
         P = moment.P
         if seen is not None and flight.age > YOUNG and P[0, 0] + P[1, 1] + P[2, 2] > COARSE**2:

@@ -8,15 +8,18 @@ linearized about where the filter expects the next frame, which is as near as a 
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
+from forceid.compiled import engine as compiled
 from forceid.estimation.live.model import LiveModel
 from forceid.estimation.live.sight import Seen, Swing
-from forceid.estimation.live.turning import along_with_body, led_rows, turning
+from forceid.estimation.live.turning import NOT_OF_BODY, SMALL_TURN, along_with_body, led_rows, turning
 from forceid.flight.attitude import between, turned
 from forceid.flight.priors.protocol import MOMENTUM, LoadPrior
 from forceid.kalman.recursions.fixed_lag import NO_FRAME, OBSERVED, Course, begun, followed
+from forceid.motion import SUBSTEP
 from forceid.records import Array
 from forceid.significance import WILD
 
@@ -62,16 +65,6 @@ def rows_of(model: LiveModel, load: str, R: Array | None) -> Array:
     """Rows (3, state) that read a load, world axes, of a body at the rotation R (3, 3)."""
     rows, own = still_rows(model, load)
     return rows if own is None or R is None else rows + R @ own
-
-
-def spin_of(J: Array, H: Array) -> Array:
-    """J^-1 H (3,) of an inertia (3, 3) by its cofactors, eight times as fast as `solve`."""
-    a, b, c, _, d, e, _, _, f = J.ravel().tolist()
-    x, y, z = H.tolist()
-    A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
-    D, E, F = a * f - c * c, b * c - a * e, a * d - b * b
-    size = a * A + b * B + c * C
-    return np.array([A * x + B * y + C * z, B * x + D * y + E * z, C * x + E * y + F * z]) / size
 
 
 def begun_force(model: LiveModel) -> Course:
@@ -122,33 +115,64 @@ def turn_over_step(model: LiveModel, course: Course, R: Array, swing: Swing, ste
     if model.moment is None or not model.turns:
         return NO_TURN
     H = model.moment.axes @ course.x[MOMENTUM]
-    return np.asarray(step * (R @ spin_of(swing.J, R.T @ H - swing.h)))
+    return np.asarray(step * (R @ np.linalg.solve(swing.J, R.T @ H - swing.h)))
 
 
 def next_moment(
-    model: LiveModel, course: Course, R: Array, step: tuple[float, int], by: Array, seen: Seen | None,
+    model: LiveModel, course: Course, R: Array, step: tuple[float, int], seen: Seen | None,
     swings: tuple[Swing, Swing], wild: bool,
-) -> tuple[Course, Array, float]:  # fmt: skip
-    """The moment and the rotation R (3, 3) behind a frame, and how far off that is.
+) -> tuple[Course, Array, Array, float]:  # fmt: skip
+    """The moment and the rotation R (3, 3) behind a frame, what turned the body (3,), and how far off it is.
 
-    step: since the one before, in s and in ticks; by (3,): what turns the body over it, of `turn_over_step`;
-    swings: before the step and after it.
+    step: since the one before, in s and in ticks, both 0 for the first; swings: before the step and after it.
+    Compiled where a compiler was; the two are written apart and compared.
     """
-    x, (F, Q, _) = course.x, transition(model, "moment", step[1])
+    F, Q, _ = transition(model, "moment", step[1])
     rows, read = still_rows(model, "moment")
+    most = WILD**2 if wild else np.inf
+    if ONWARD is None or not step[1]:
+        return onward_in_numpy(model, course, R, step, seen, swings, (F, Q, rows, read, most))
+    prior, (now, then) = model.moment, swings
+    assert prior is not None
+    own, read = (NOT_OF_BODY, NOT_OF_BODY) if read is None else (prior.body_axes, read)
+    seen_R, cov = (NO_FRAME, NO_FRAME) if seen is None else (seen.rotation, seen.sight.cov[3:, 3:])
+    x, P, gain, y, C, var, off, R, noise, turn = ONWARD(
+        course.P, course.gain, course.R, course.y, course.C, course.var, course.x, R, F, Q, prior.axes, now.J,
+        now.h, then.J, then.h, step[0], model.least, SUBSTEP, rows, own, prior.vectors, read, SMALL_TURN,
+        model.turns, seen_R, cov, most,
+    )  # fmt: skip
+    return Course(x, P, gain, noise, y, C, var), R, turn, off
+
+
+def onward_in_numpy(
+    model: LiveModel, course: Course, R: Array, step: tuple[float, int], seen: Seen | None,
+    swings: tuple[Swing, Swing], linear: tuple[Array, Array, Array, Array | None, float],
+) -> tuple[Course, Array, Array, float]:  # fmt: skip
+    """`next_moment`, step for step; linear: F, Q, rows that read the moment, those in the body, and how far
+    off a frame may be.
+    """
+    x, prior, (now, then), (F, Q, rows, read, most) = course.x, model.moment, swings, linear
+    assert prior is not None
+    by = turn_over_step(model, course, R, now, step[0])
     if step[1]:
-        x, R, F, Q, rows = turning(model, x, R, step[0], by, swings, F, Q, rows, read)
+        J, h = 0.5 * (now.J + then.J), 0.5 * (now.h + then.h)
+        own, of_body = (NOT_OF_BODY, NOT_OF_BODY) if read is None else (np.asarray(prior.body_axes), read)
+        led = turning(
+            x, R, F, Q, prior.axes, J, h, step[0], model.least, rows, by, own, prior.vectors, of_body
+        )
+        x, R, F, Q, rows = led
     else:
         rows = led_rows(rows, read, R, x)
     z, cov = NO_FRAME, course.R
     if seen is not None:
-        z, cov = (
-            between(seen.rotation[None], R[None])[0],
-            seen.rotation @ seen.sight.cov[3:, 3:] @ seen.rotation.T,
-        )
-    after, off = followed(course, x, F, Q, rows, z, cov, WILD**2 if wild else np.inf)
+        z = between(seen.rotation[None], R[None])[0]
+        cov = seen.rotation @ seen.sight.cov[3:, 3:] @ seen.rotation.T
+    after, off = followed(course, x, F, Q, rows, z, cov, most)
     if not len(after.gain):
-        return after, R, off
+        return after, R, by, off
     theta = after.x[OBSERVED].copy()
     after.x[OBSERVED] = 0.0  # the reference takes the error
-    return after, turned(theta[None], R[None])[0], off
+    return after, turned(theta[None], R[None])[0], by, off
+
+
+ONWARD: Any = getattr(compiled, "onward", None)  # None where nothing was compiled, or before it was there

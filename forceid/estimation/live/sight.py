@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from forceid.compiled import engine as compiled
 from forceid.estimation.live.model import LiveModel
 from forceid.flight.attitude import turned
 from forceid.motion import FrameFit, beyond_pose, fit_one, frame_fit
 from forceid.principal import summation_operator
 from forceid.records import Array, Flags
 
+NO_SHARE = np.zeros(0)  # of the mass that nodes carry, where not all of it is seen
 ONE = np.ones(1)  # the amplitude of the mean shape
 PATTERNS = 256  # sets of markers that are remembered: what a frame with another one costs is paid again
 STEPS_AHEAD = 512  # of the clock, at most, that an amplitude swings on unseen: by then it has been forgotten
@@ -97,19 +99,31 @@ def look(model: LiveModel, position: Array, swing: Swing, ticks: int) -> tuple[S
             x = swings.F @ x
     if s is None:
         return None, moved(model, x), lacking
+    if LOOK is not None:
+        (A, C, _), share = s.fit.gain, NO_SHARE if s.share is None else s.share
+        center, R, x_seen, J, h, arrived = LOOK(
+            position, s.fit.nodes, s.fit.shape, s.fit.start[s.fit.nodes], A, C, share, x, s.onward, s.gain,
+            s.leak, model.products.inertia, model.products.momentum, model.inside,
+            0 if swings is None else swings.each,
+        )  # fmt: skip
+        if arrived:
+            return Seen(center, R, s), swing if swings is None else Swing(x_seen, J, h), lacking
+    return *look_in_numpy(model, s, position, x), lacking
+
+
+def look_in_numpy(model: LiveModel, s: Sight, position: Array, x: Array) -> tuple[Seen, Swing]:
+    """What a frame shows that a sight is for, and the amplitudes after it, of states x before it."""
     center, R, residual = fit_one(s.fit, position)
-    mean = None
     if s.share is not None:
-        mean = s.share @ position if finite.all() else s.share[flags] @ position[flags]
-    if swings is None:
-        return Seen(center if mean is None else mean, R, s), swing, lacking
-    left = residual if len(s.fit.nodes) == len(residual) else residual[s.fit.nodes]
-    x = s.onward @ x + s.gain @ left.ravel()
+        carries = s.share != 0
+        center = s.share[carries] @ position[carries]
+    if model.swings is None:
+        return Seen(center, R, s), moved(model, x)
+    x = s.onward @ x + s.gain @ residual[s.fit.nodes].ravel()
     off = s.leak @ x
-    if mean is None:
-        mean = center + R @ off[:3]
-    R = turned((R @ off[3:])[None], R[None])[0]
-    return Seen(mean, R, s), moved(model, x), lacking
+    if s.share is None:
+        center = center + R @ off[:3]
+    return Seen(center, turned((R @ off[3:])[None], R[None])[0], s), moved(model, x)
 
 
 def moved(model: LiveModel, x: Array) -> Swing:
@@ -122,3 +136,6 @@ def moved(model: LiveModel, x: Array) -> Swing:
     wide = a[:, None]
     J = ((wide * a).ravel() @ model.products.inertia.reshape(-1, 9)).reshape(3, 3)
     return Swing(x, J, (wide * x[1::each]).ravel() @ model.products.momentum.reshape(-1, 3) + model.inside)
+
+
+LOOK: Any = getattr(compiled, "look", None)  # None where nothing was compiled, or before it was there

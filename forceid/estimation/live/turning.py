@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 
 from forceid.compiled import engine as compiled
-from forceid.estimation.live.model import LiveModel
-from forceid.estimation.live.sight import Swing
 from forceid.flight.attitude import ReferenceTrajectory, turn_along
 from forceid.flight.priors.protocol import INTEGRAL, LOAD, MOMENTUM, LoadPrior
 from forceid.kalman.recursions.fixed_lag import OBSERVED
@@ -65,31 +63,15 @@ def skew(a: Array) -> Array:
 
 
 def turning(
-    model: LiveModel, x: Array, R: Array, step: float, by: Array, swings: tuple[Swing, Swing], F: Array,
-    Q: Array, rows: Array, read: Array | None,
-) -> tuple[Array, Array, Array, Array, Array]:  # fmt: skip
-    """Where a step leads from the states x and R: states and rotation, F and Q with the rotation error, and
-    the rows (3, state) that read the moment behind it, of `rows` in the world and `read` in the body.
-    """
-    prior, (now, then) = model.moment, swings
-    assert prior is not None
-    J, h = np.array([now.J, then.J]), np.array([now.h, then.h])
-    own = NOT_OF_BODY if prior.body_axes is None else prior.body_axes
-    given = x, R, F, Q, prior.axes, J, h, step, model.least
-    body = rows, by, own, prior.vectors, NOT_OF_BODY if read is None else read
-    if LEAD is None:
-        return turning_in_numpy(*given, *body)
-    x, R, F, Q, rows = LEAD(*given, SUBSTEP, *body, SMALL_TURN)
-    return x, R[0], F, Q, rows
-
-
-def turning_in_numpy(
     x: Array, R: Array, F: Array, Q: Array, axes: Array, J: Array, h: Array, step: float, least: float,
     rows: Array, by: Array, own: Array, states: int, read: Array,
 ) -> tuple[Array, Array, Array, Array, Array]:  # fmt: skip
-    """`turning`, step for step; J (2, 3, 3) and h (2, 3): before the step and after it.
+    """Where a step leads from the states x and R: states and rotation, F and Q with the rotation error, and
+    the rows (3, state) that read the moment behind it, of `rows` in the world and `read` in the body.
 
-    rows, read (3, state): as of `turning`; own (3, 3): of a load that turns with the body, empty else.
+    axes (3, 3): of the states; J (3, 3) and h (3,): half way, least: the smallest moment of inertia; by (3,):
+    what turns the body over the step, own (3, 3): axes of a load that turns with it, empty else, and how many
+    states are its own.
     """
     if len(own):
         F, Q = along_in_numpy(F, Q, by, R, own, states)
@@ -98,8 +80,8 @@ def turning_in_numpy(
     three = np.array([H, away[INTEGRAL] - step * H, away[MOMENTUM] - H]) @ axes.T
     # the moment and its rate over the step that do as much to the two integrals
     over = np.array([[1, 0, 0], [0, 6 / step**2, -2 / step], [0, -12 / step**3, 6 / step**2]]) @ three
-    size = math.hypot(*over[0].tolist()) + math.hypot(*h[0].tolist())
-    J, h = (np.stack([0 * a[0], 0 * a[0], (a[1] - a[0]) / step, a[0]])[:, None] for a in (J, h))
+    size = math.hypot(*over[0].tolist()) + math.hypot(*h.tolist())
+    J, h = (np.stack([0 * a, 0 * a, 0 * a, a])[:, None] for a in (J, h))
     H0, T, dT = np.repeat(over[:, None], 2, 1)
     substeps = 1 + int(size / least * step / SUBSTEP)
     path = ReferenceTrajectory(np.array([step]), np.array([R, R]), H0, T, dT, J, h, substeps)
@@ -130,4 +112,3 @@ def led_rows(rows: Array, read: Array | None, R: Array, x: Array) -> Array:
 
 
 ALONG: Any = getattr(compiled, "along", None)  # None where nothing was compiled, or before it was there
-LEAD: Any = getattr(compiled, "lead", None)  # the same

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 from shaken import BODY, NOISE, RATE, WEIGHT, body_file, followed, frames, off
 
 from forceid.config import load_settings
 from forceid.errors import ConfigError, DataError, EstimationError
-from forceid.estimation.live import stream, turning
+from forceid.estimation.live import loads, sight, stream, turning
 from forceid.estimation.live.flight import begun, behind, told
 from forceid.estimation.live.model import tuned_on
 from forceid.estimation.live.run import followed_live, live_pace
@@ -279,7 +278,8 @@ def test_without_a_compiler_the_wrenches_are_the_same(monkeypatch):
     t, x = frames(150)
     compiled = followed(t, x)
     monkeypatch.setattr(fixed_lag, "FOLLOW", None)
-    monkeypatch.setattr(turning, "LEAD", None)
+    monkeypatch.setattr(loads, "ONWARD", None)
+    monkeypatch.setattr(sight, "LOOK", None)
     monkeypatch.setattr(turning, "ALONG", None)
     for module in (attitude, pose):
         monkeypatch.setattr(module, "compiled", None)
@@ -287,25 +287,3 @@ def test_without_a_compiler_the_wrenches_are_the_same(monkeypatch):
     for name in ("force", "moment", "force_std", "moment_std"):
         one, other = (np.array([getattr(w, name) for w in found[20:]]) for found in (compiled, plain))
         np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6 * np.abs(other).max())
-
-
-@pytest.mark.skipif(turning.LEAD is None, reason="nothing was compiled")
-@pytest.mark.parametrize("turn", [0.0, 1e-3, 0.7])
-@pytest.mark.parametrize("step", [0.002, 0.05])
-def test_a_compiled_step_is_what_is_written_in_numpy(step, turn):
-    """Of a moment along axes of the world, for no turn, or of the body beside one line of the world."""
-    rng = np.random.default_rng(0)
-    F, Q = rng.standard_normal((2, 15, 15))
-    axes, R = Rotation.random(2, random_state=1).as_matrix()
-    J = np.diag([1.0, 2.0, 2.5]) + 0.01 * np.array([np.zeros((3, 3)), np.ones((3, 3))])
-    h, x = 0.1 * rng.standard_normal((2, 3)), rng.standard_normal(15)
-    F[:, :3] = np.eye(15, 3)
-    F[:3, 3:6], F[3:6, 3:6], x[:3] = step * np.eye(3), np.eye(3), 0.0
-    given = (x, R, F, Q + Q.T, axes, J, h, step)
-    rows, read = rng.standard_normal((2, 3, 15))
-    by, own = turn * np.array([0.6, 0.0, 0.8]), Rotation.random(random_state=2).as_matrix()
-    body = rows, by, own if turn else turning.NOT_OF_BODY, 9, read if turn else turning.NOT_OF_BODY
-    plain = turning.turning_in_numpy(*given, 1.0, *body)
-    x, R, F, Q, rows = turning.LEAD(*given, 1.0, turning.SUBSTEP, *body, turning.SMALL_TURN)
-    for one, other in zip((x, R[0], F, Q, rows), plain, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
