@@ -8,19 +8,24 @@ rotations alone: it is to the rest as the width of the body to its length, squar
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from forceid.errors import EstimationError
 from forceid.estimation.body.inertia import Inertia
 from forceid.estimation.body.tracks.bridging import straight
+from forceid.flight.channels import driven, load_chain, start_of
+from forceid.flight.priors.matern import Matern
 from forceid.flight.smoother import FlightState
-from forceid.motion import Pose, Window, choose_window, derivatives, exp, seen_together, windows
+from forceid.flight.tuning import tune_loads
+from forceid.kalman.engines import engine
+from forceid.motion import Pose, exp, seen_together
 from forceid.principal import axial, cross_matrix
 from forceid.records import Array, Flags
 
 BETWEEN = 4  # steps from frame to frame in which a line is followed: what it sweeps aside turns the rest
+FEWEST = 8  # frames that tell how a signal changes: fewer have a straight line
 LOOSE = 0.3  # rad: a direction known less well than this is none
 
 
@@ -49,23 +54,24 @@ def spin_about(time: Array, pose: Pose, free: Array, n: Array, inertia: Inertia)
     noise[seen] = np.einsum("ta,tab,tb->t", along, pose.cov[seen, 3:, 3:], along)
     measured = np.full((len(time), 1), np.nan)
     measured[seen, 0] = np.unwrap(angle)
-    window, smooth, rate, speed, speed_var = smoothed_spin(time, measured, noise)
-    none = np.zeros(len(time))
+    turn = smoothed_signals(time, measured, noise[:, None])
+    (smooth, rate), none = (turn.value[:, 0], turn.rate[:, 0]), np.zeros(len(time))
     if inertia.beside is None:
         return Spin(smooth, rate, np.zeros((len(time), 3)), none, none)
+    var = 0.5 * (np.trace(pose.cov[:, 3:, 3:], axis1=1, axis2=2) - noise)
+    n = np.where(seen[:, None], n, np.nan)
+    dn = smoothed_signals(time, n, np.repeat(var[:, None], 3, 1)).rate
     n = interpolated(time, n)
-    dn = np.gradient(n, time, axis=0) if window is None else derivatives(time, n, window).first
     n = n / np.linalg.norm(n, axis=1, keepdims=True)
     dn = dn - np.einsum("ta,ta->t", dn, n)[:, None] * n
     free = np.where(seen[:, None, None], free, np.nan)
     free = interpolated(time, free.reshape(len(time), 9)).reshape(-1, 3, 3)
     R = free @ exp(smooth[:, None] * inertia.line)
-    across = np.cross(n, dn)
-    omega = across + rate[:, None] * n
+    omega = np.cross(n, dn) + rate[:, None] * n
     J, own = inertia.tensor[0, 0], float(inertia.line @ (inertia.tensor + inertia.beside) @ inertia.line)
     L = np.einsum("tab,bc,tdc,td->ta", R, inertia.beside, R, omega) + J * rate[:, None] * n
-    moment = own * speed - np.einsum("ta,ta->t", L, dn)
-    return Spin(smooth, rate, np.einsum("tba,tb->ta", free, L), moment, own**2 * speed_var)
+    moment = own * turn.second[:, 0] - np.einsum("ta,ta->t", L, dn)
+    return Spin(smooth, rate, np.einsum("tba,tb->ta", free, L), moment, own**2 * turn.second_var[:, 0])
 
 
 def turn_about(R: Array, free: Array, axis: Array) -> Array:
@@ -79,34 +85,38 @@ def turn_about(R: Array, free: Array, axis: Array) -> Array:
     return np.asarray(np.arctan2(-0.5 * axial(M) @ axis, cos))
 
 
-def smoothed_spin(
-    time: Array, angle: Array, noise: Array
-) -> tuple[Window | None, Array, Array, Array, Array]:
-    """Angle, rate, and its rate with variance (time,), of an angle (time, 1) with variance noise (time,).
+class Smooth(NamedTuple):
+    """Signals, their rates and the rates of these, and variances of the last: (time, signal)."""
 
-    By the window of least error of the last, which comes first; a straight line where a record is too short.
+    value: Array
+    rate: Array
+    second: Array
+    second_var: Array
+
+
+def smoothed_signals(time: Array, z: Array, var: Array) -> Smooth:
+    """Signals z (time, signal), NaN where unseen, with variances var (time, signal), by the smoother of what
+    drives each, under a prior tuned on them; straight lines where a record is too short.
     """
-    var = np.nanmean(noise)
-
-    def estimate(window: Window) -> tuple[Array, Array]:
-        d = derivatives(time, angle, window)
-        return d.second, var * d.gain[:, :1, 2, 2]
-
-    try:
-        chosen = choose_window(windows("savgol", time), estimate)
-    except EstimationError:
-        seen = np.isfinite(angle[:, 0])
-        slope, start = np.polyfit(time[seen], angle[seen, 0], 1) if seen.sum() > 1 else (0.0, 0.0)
-        line = start + slope * time
-        return None, line, np.full_like(line, slope), np.zeros_like(line), np.zeros_like(line)
-    d = derivatives(time, angle, chosen.window)
-    speed, speed_var = chosen.target[:, 0], chosen.variance[:, 0]
-    known: Flags = np.asarray(np.isfinite(speed) & np.isfinite(speed_var))
-    # in a gap the rate changes as it does elsewhere
-    gap = float(np.mean(speed[known] ** 2) + speed_var[known].max())
-    speed_var = np.where(known, speed_var, gap)
-    value, rate, speed = (interpolated(time, a[:, None])[:, 0] for a in (d.value[:, 0], d.first[:, 0], speed))
-    return chosen.window, value, rate, speed, speed_var
+    seen: Flags = np.asarray(np.isfinite(z).all(1))
+    first, still = (z[seen][0] if seen.any() else np.zeros(z.shape[1])), np.zeros_like(z)
+    if seen.sum() < FEWEST:
+        rate, value = np.polyfit(time[seen], z[seen], 1) if seen.sum() > 1 else (0.0 * first, first)
+        return Smooth(value + np.outer(time, rate), still + rate, still, still)
+    y, var, none = z - first, np.where(seen[:, None], var, 1.0), np.zeros(z.shape[1])
+    tuned = tune_loads(time, y, 1.0, var, none)
+    assert isinstance(tuned.kernel, Matern)
+    chain = load_chain(tuned.kernel.process, start_of(time, y, 1.0))
+    models = driven(chain, 1.0, var * tuned.noise**2, none, np.diff(time))
+    found = [engine().smooth(models.one(j), y[:, j : j + 1]) for j in range(z.shape[1])]
+    x, P = np.stack([f.x for f in found], 1), np.stack([f.P for f in found], 1)
+    drive = chain.A[..., 1, :]
+    return Smooth(
+        x[..., 0] + first,
+        x[..., 1],
+        np.einsum("tki,ki->tk", x, drive),
+        np.einsum("ki,tkij,kj->tk", drive, P, drive),
+    )
 
 
 def interpolated(time: Array, values: Array) -> Array:

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings
 from forceid.estimation.body.inertia import Inertia
+from forceid.estimation.body.spin import smoothed_signals
 from forceid.estimation.inspection import inspect_recording
 from forceid.records import Body, Motion, Recording
 
@@ -213,3 +214,27 @@ def sensed(recording, spin=3.0):
 
 def test_mass_on_a_point_has_no_gyration_whatever_rounding_leaves_of_it():
     assert Inertia(2.0, np.zeros(3), -1e-18 * np.eye(3), None, np.zeros(1)).gyration == 0.0
+
+
+def test_a_steady_spin_shows_no_more_moment_than_a_parabola_through_it_would():
+    """The curvature of a parabola through n readings over T s is off by sqrt(720 / n) / T^2."""
+    time, std = np.arange(400) / 75, 2e-3
+    angle = 3.0 * time + std * np.random.default_rng(0).standard_normal(400)
+    angle[150:170] = np.nan
+    found = smoothed_signals(time, angle[:, None], np.full((400, 1), std**2))
+    curvature = np.sqrt(720 / 380) * std / time[-1] ** 2
+    assert cf.rms(found.second) < 3 * curvature
+    np.testing.assert_allclose(found.rate, 3.0, atol=20 * std / time[-1])
+
+
+def test_a_spin_under_a_moment_errs_by_as_much_as_is_claimed():
+    time, std = np.arange(400) / 75, 2e-3
+    rng = np.random.default_rng(0)
+    true = np.array([1.0, 0.3]) * np.sin(2 * np.pi * np.outer(time, [0.4, 1.1]))
+    angle = true.sum(1) + std * rng.standard_normal(400)
+    angle[150:170] = np.nan
+    found = smoothed_signals(time, angle[:, None], np.full((400, 1), std**2))
+    off = found.second[:, 0] + true @ (2 * np.pi * np.array([0.4, 1.1])) ** 2
+    inner = slice(20, -20)
+    assert 0.5 < np.sqrt(np.mean(off[inner] ** 2) / np.mean(found.second_var[inner])) < 1.7
+    assert cf.rms(off[inner]) < 0.1 * cf.rms(found.second)
