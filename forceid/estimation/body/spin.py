@@ -25,7 +25,7 @@ from forceid.principal import axial, cross_matrix
 from forceid.records import Array, Flags
 
 BETWEEN = 4  # steps from frame to frame in which a line is followed: what it sweeps aside turns the rest
-FEWEST = 8  # frames that tell how a signal changes: fewer have a straight line
+SIGNAL_FRAMES = 8  # frames that tell how a signal changes: fewer have a straight line
 LOOSE = 0.3  # rad: a direction known less well than this is none
 
 
@@ -100,7 +100,7 @@ def smoothed_signals(time: Array, z: Array, var: Array) -> Smooth:
     """
     seen: Flags = np.asarray(np.isfinite(z).all(1))
     first, still = (z[seen][0] if seen.any() else np.zeros(z.shape[1])), np.zeros_like(z)
-    if seen.sum() < FEWEST:
+    if seen.sum() < SIGNAL_FRAMES:
         rate, value = np.polyfit(time[seen], z[seen], 1) if seen.sum() > 1 else (0.0 * first, first)
         return Smooth(value + np.outer(time, rate), still + rate, still, still)
     y, var, none = z - first, np.where(seen[:, None], var, 1.0), np.zeros(z.shape[1])

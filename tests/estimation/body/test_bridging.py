@@ -99,5 +99,5 @@ def test_all_bridges_are_tried_at_few_of_many_lost_markers(monkeypatch):
     monkeypatch.setattr(bridging, "rank_bridges", counted)
     found = bridged(t, lost, np.ones(30, bool))
     assert np.abs(found.position - x).max() < 1e-9
-    assert len(tried) == 30
+    assert len(tried) >= 30
     assert sum(n > bridging.JUDGED for n in tried) == bridging.JUDGED

@@ -11,6 +11,7 @@ the others those that were best there.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -29,6 +30,7 @@ NEIGHBORS = (0, 1, 3, 4, 6)  # that a frame is made of, and all of them: three a
 SIDES = (2, 4, 12, 40, 160)  # samples on either side that a bridge rests on, from the least to a long record
 JUDGED = 8  # markers where all bridges are tried: what is best at none of them is rarely best elsewhere
 AS_GOOD = 2.0  # times the least mean square, of bridges as good as the best: each is known to a third
+FIRST_FEW = 2  # bridges tried at first elsewhere: two orders of a continuation are often as good
 DEGREES = (0, 1, 3)  # of its polynomial: held, with the slopes at both ends, with the curvatures
 
 
@@ -58,7 +60,7 @@ def bridged(time: Array, position: Array, nodes: Flags) -> Bridged:
     if np.ptp(step) < SINGLE * np.median(step):  # weights know a time by its place among the others alone
         time = np.arange(len(time), dtype=float)
     judged: dict[tuple[int, int], list[Judged]] = {}
-    best: dict[int, list[Bridge]] = {}  # of each length, at the markers where all bridges were tried
+    best: dict[int, list[Judged]] = {}  # of each length, at the markers where all bridges were tried
     by_few: set[tuple[int, int]] = set()  # at which only these were
     # short gaps first: what fills them is seen by its neighbors when theirs are filled; of these the markers
     # first that are judged by all bridges, evenly spread
@@ -70,13 +72,13 @@ def bridged(time: Array, position: Array, nodes: Flags) -> Bridged:
         for first in (one[3] for one in gaps):
             shown, gap = WithNeighbors(time, x[:, k], seen[:, k], *beside), np.arange(first, first + length)
             if (k, size) not in judged and len(found) >= JUDGED:
-                ranked = rank_bridges(shown, length, list(dict.fromkeys(found)))
+                ranked = rank_by_few(shown, length, found)
                 judged[k, size] = [one for one in ranked if one.missed < AS_GOOD * ranked[0].missed]
                 by_few.add((k, size))
             filled = best_filling(judged.get((k, size), []), shown, gap)
             if filled is None and ((k, size) not in judged or (k, size) in by_few):
                 judged[k, size] = rank_bridges(shown, length, list(bridges(len(moves))))
-                found += [one.way for one in judged[k, size][:1] if (k, size) not in by_few]
+                found += [] if (k, size) in by_few else judged[k, size][:1]
                 by_few.discard((k, size))
                 filled = best_filling(judged[k, size], shown, gap)
             if filled is not None:
@@ -194,6 +196,18 @@ def rank_bridges(shown: WithNeighbors, length: int, ways: Sequence[Bridge]) -> l
             made[way].append((float(np.vdot(off, off)) / off.size, loose))
     means = [(np.mean(each, axis=0).tolist(), way) for way, each in made.items() if each]
     return sorted((Judged(missed, loose, way) for (missed, loose), way in means), key=lambda one: one.missed)
+
+
+def rank_by_few(shown: WithNeighbors, length: int, best: Sequence[Judged]) -> list[Judged]:
+    """The bridges that were best at other nodes, best first: those that were so most often, and all of them
+    at a node that these miss by more than usual, as at one which swings.
+    """
+    often = [way for way, _ in Counter(one.way for one in best).most_common()]
+    ranked = rank_bridges(shown, length, often[:FIRST_FEW])
+    usual = float(np.median([one.missed for one in best]))
+    if ranked and ranked[0].missed < AS_GOOD * usual:
+        return ranked
+    return sorted([*ranked, *rank_bridges(shown, length, often[FIRST_FEW:])], key=lambda one: one.missed)
 
 
 def straight(time: Array, known: Array, values: Array) -> Array:
