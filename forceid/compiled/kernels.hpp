@@ -72,7 +72,7 @@ struct Whitening {
 
 // flight/spectra.hpp
 struct Spectra {
-  Two (*misfit)(Array rows, Array power, Array density);
+  Three (*misfit)(Array rows, Array power, Array density, Array count, Array moves);
   Three (*slopes)(double gain, Array w, Array count, Array noise, Array power, Array total, Array x, Index order,
                   Array unit);
   Out (*scoring_step)(Array slope, Array bend, Array down, Array up, Array share, double ridge);

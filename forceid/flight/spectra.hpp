@@ -9,16 +9,24 @@ using namespace lanes;
 constexpr int AT_ONCE = 4; // variances whose product stays far from the ends of the exponent
 
 // rows D (channel, mode), power (band, channel, channel), density p (band, mode) -> of S = 1 + D p D^T the sum
-// log det S + tr S^-1 power (band,), and its slopes (band, mode) by p
-Two misfit(Array rows, Array power, Array density) {
+// log det S + tr S^-1 power over bands, each counted count (band,) times; its slope (way, mode) where p of a mode moves
+// by moves (band, way, mode), and what its second slopes are in the mean (way, mode, way, mode)
+Three misfit(Array rows, Array power, Array density, Array count, Array moves) {
   const Size bands = power.shape(0);
   const int c = static_cast<int>(rows.shape(0)), m = static_cast<int>(rows.shape(1));
+  const int ways = static_cast<int>(moves.shape(1)), wide = ways * m;
   const double *D = rows.data();
-  Out value({bands}), slope({bands, m});
-  Fleet p(m), seen(c * c), L(c * c), root(c * c), U(c * m);
+  Out value({1}), slope({ways, m}), bend({ways, m, ways, m});
+  std::fill(slope.data(), slope.data() + wide, 0.0);
+  std::fill(bend.data(), bend.data() + wide * wide, 0.0);
+  value.data()[0] = 0.0;
+  Fleet p(m), seen(c * c), L(c * c), root(c * c), U(c * m), t(wide), by_p(m), square(m * m), slopes(wide), bends(wide * wide);
   for (Size first = 0; first < bands; first += LANES) {
+    Lanes counted = {};
     for (int l = 0; l < LANES; ++l) {
       const Size at = std::min(first + l, bands - 1);
+      if (first + l < bands) counted[l] = count.data()[at];
+      for (int i = 0; i < wide; ++i) t[i][l] = moves.data()[at * wide + i];
       for (int k = 0; k < m; ++k) p[k][l] = density.data()[at * m + k];
       for (int i = 0; i < c * c; ++i) seen[i][l] = power.data()[at * c * c + i];
     }
@@ -71,11 +79,28 @@ Two misfit(Array rows, Array power, Array density) {
         for (int j = 0; j < c; ++j) s -= seen[i * c + j] * U[j * m + k];
         by += s * U[i * m + k];
       }
-      for (int l = 0; l < LANES && first + l < bands; ++l) slope.data()[(first + l) * m + k] = by[l];
+      by_p[k] = by * counted;
+      for (int l = 0; l <= k; ++l) {
+        Lanes s = {};
+        for (int i = 0; i < c; ++i) s += D[i * m + k] * U[i * m + l];
+        square[k * m + l] = square[l * m + k] = s * s * counted;
+      }
     }
-    for (int l = 0; l < LANES && first + l < bands; ++l) value.data()[first + l] = total[l];
+    for (int i = 0; i < wide; ++i) {
+      slopes[i] += t[i] * by_p[i % m];
+      for (int j = 0; j <= i; ++j) bends[i * wide + j] += t[i] * t[j] * square[i % m * m + j % m];
+    }
+    total *= counted;
+    for (int l = 0; l < LANES; ++l) value.data()[0] += total[l];
   }
-  return {value, slope};
+  for (int i = 0; i < wide; ++i)
+    for (int l = 0; l < LANES; ++l) {
+      slope.data()[i] += slopes[i][l];
+      for (int j = 0; j <= i; ++j) bend.data()[i * wide + j] += bends[i * wide + j][l];
+    }
+  for (int i = 0; i < wide; ++i)
+    for (int j = 0; j < i; ++j) bend.data()[j * wide + i] = bend.data()[i * wide + j];
+  return {value, slope, bend};
 }
 
 // `Spectrum.slopes` of whittle.py: x (candidate, axis, 3), order (candidate,), unit (order,): densities of order

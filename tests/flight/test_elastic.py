@@ -1,9 +1,14 @@
 """The prior of elastic modes, on modes that drawn loads drive: their size, their speed, their damping."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
-from forceid.flight.elastic import Elastic, seen_modes, spectra_of, tune_elastic, unlikeliness
+from forceid.flight import elastic_spectra
+from forceid.flight.elastic import seen_modes, tune_elastic
+from forceid.flight.elastic_spectra import Elastic, scored, spectra_of, unlikeliness
 from forceid.flight.vibration import Vibration
 from forceid.kalman.engines import engine
 
@@ -116,3 +121,54 @@ def test_loads_that_answer_the_motion_are_found_where_they_act_and_nowhere_else(
         )
         np.testing.assert_allclose(answered.spring, (1.15**2 - 1) * FREQUENCY**2, rtol=0.5)
         assert (answered.brake > 0).all()
+
+
+@pytest.mark.skipif(elastic_spectra.compiled is None, reason="nothing was compiled")
+def test_compiled_likelihood_of_modes_is_that_in_numpy(monkeypatch):
+    rng = np.random.default_rng(3)
+    observed, rows = seen(modes(0.02)[1], 1e3 * rng.standard_normal((3, 3)), rng)
+    spectra = spectra_of(TIME, observed, rows)
+    p, moves = rng.uniform(0.1, 2, (len(spectra.count), 3)), rng.standard_normal((len(spectra.count), 2, 3))
+    compiled = spectra.misfit(p, moves)
+    monkeypatch.setattr(elastic_spectra, "compiled", None)
+    for one, other in zip(compiled, spectra.misfit(p, moves), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
+
+
+def test_second_slopes_in_the_mean_are_those_of_spectra_as_expected():
+    """Where the cross spectra are what the densities make of them, the slope vanishes, and changes so."""
+    rng = np.random.default_rng(4)
+    observed, rows = seen(modes(0.02)[1], 1e3 * rng.standard_normal((3, 3)), rng)
+    spectra = spectra_of(TIME, observed, rows)
+    p = rng.uniform(0.1, 2, (len(spectra.count), 3))
+    D, moves = spectra.rows, rng.standard_normal((len(p), 1, 3)) * p[:, None]
+    expected = replace(spectra, power=np.eye(3) + (D * p[:, None]) @ D.T)
+    _, slope, bend = expected.misfit(p, moves)
+    assert np.abs(slope).max() < 1e-8 * bend.max()
+    step = 1e-6
+    ahead, behind = (expected.misfit(p + side * step * moves[:, 0], moves)[1] for side in (1, -1))
+    assert bend.sum() == pytest.approx((ahead - behind).sum() / (2 * step), rel=1e-5)
+
+
+@pytest.mark.parametrize("detuned", [1e-3, 0.1])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_search_comes_as_far_as_that_of_scipy(seed, detuned):
+    rng = np.random.default_rng(seed)
+    observed, rows = seen(modes(0.02)[1], 1e3 * rng.standard_normal((3, 3)), rng)
+    one = np.ones(3)
+    elastic, spectra = Elastic(FREQUENCY, None, one, one, detuned * one), spectra_of(TIME, observed, rows)
+    at, high = np.zeros(8), np.append([20.0, 10.0], np.full(6, 3.0))
+    at[:2] = np.log([LOAD, RATE])
+    tries = []
+
+    def value(x):
+        tries.append(x)
+        return unlikeliness(spectra, elastic, 2, x)
+
+    found, _ = scored(value, at, -high, high)
+    count = len(tries)
+    best = minimize(
+        lambda x: value(x)[:2], at, jac=True, method="L-BFGS-B", bounds=list(zip(-high, high, strict=True))
+    )
+    assert found < best.fun + 0.5  # of a log-likelihood: a frequency may have more than one peak
+    assert count < len(tries) - count

@@ -20,7 +20,7 @@ from forceid.estimation.body.thin_mass import followed_line, thinned
 from forceid.estimation.body.tracks.noise_axes import as_stated, floored, rms_noise, share, uneven
 from forceid.estimation.body.tracks.rounding import beside_rounding, grid_step
 from forceid.flight.color import Color, Colored, LowPassed, SharedErrors
-from forceid.flight.elastic import Elastic
+from forceid.flight.elastic_spectra import Elastic
 from forceid.motion import (
     Frames,
     Pose,

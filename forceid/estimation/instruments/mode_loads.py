@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from forceid.flight.channels import CHANNEL_SAMPLES, middle
-from forceid.flight.elastic import DAMPING, FIRST_RATES
+from forceid.flight.elastic_spectra import DAMPING, FIRST_RATES
 from forceid.flight.modes import chains
 from forceid.flight.vibration import ModeState, Vibration
 from forceid.kalman.engines import Engine, for_tuning

@@ -19,7 +19,7 @@ from forceid.estimation.methods.problem import Problem
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import GROWTH
 from forceid.flight.color import LowPassed
-from forceid.flight.elastic import UNEVEN
+from forceid.flight.elastic_spectra import UNEVEN
 from forceid.flight.priors.matern import UNTOLD_ORDER, Matern
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.priors.stated import Stated

@@ -21,7 +21,7 @@ from forceid.estimation.body.deforming.modes import (
 )
 from forceid.estimation.body.deforming.strains import affine_shapes
 from forceid.estimation.body.markers import MarkerSet, rank_of
-from forceid.flight.elastic import Elastic
+from forceid.flight.elastic_spectra import Elastic
 from forceid.motion import fit_rotation
 from forceid.principal import summation_operator
 from forceid.records import Array, Indices
