@@ -28,8 +28,8 @@ FIRST_SIZES = (0.01, 0.1, 1.0)  # of loads, over those that would move the modes
 FIRST_RATES = (0.02, 0.2, 1.0)  # at which loads forget, over the lowest frequency
 WIDEST = 12.0  # of a logarithm: how far the size of loads may be from where its search begins
 OWN_BINS = 128  # lowest frequencies looked at one by one; beyond, as many together as keeps the octaves alike
-KEPT = 0.5  # of its promise: a step off by more shows that second slopes are not as in the mean
-STEPS_AT_MOST = 100  # of a search: each doubles the digits but where shares come to their bounds
+OFF_PROMISE = 0.5  # of its promise: a step off by more shows that second slopes are not as in the mean
+FISHER_STEPS = 100  # of a search: each doubles the digits but where shares come to their bounds
 
 
 @dataclass(frozen=True)
@@ -156,14 +156,14 @@ def scored(
     slopes have shown since (Broyden, Fletcher, Goldfarb and Shanno, 1970).
     """
     (here, slope, bend), learns = value(at), False
-    for _ in range(STEPS_AT_MOST if np.isfinite(here) else 0):
+    for _ in range(FISHER_STEPS if np.isfinite(here) else 0):
         step = uphill(-slope, -bend, low - at, high - at)
         promise = -0.5 * float(slope @ step)  # of a quadratic
         while promise > ENOUGH and not (gain := here - (found := value(at + step))[0]) > TENTH * promise:
             step, promise = step / 2, promise / 2
         if not promise > ENOUGH:
             break
-        learns = learns or abs(gain / promise - 1) > KEPT
+        learns = learns or abs(gain / promise - 1) > OFF_PROMISE
         next_bend = with_slopes(bend, step, found[1] - slope) if learns else found[2]
         at, (here, slope, _), bend = at + step, found, next_bend
     return here, at

@@ -99,9 +99,9 @@ def look(model: LiveModel, position: Array, swing: Swing, ticks: int) -> tuple[S
             x = swings.F @ x
     if s is None:
         return None, moved(model, x), lacking
-    if LOOK is not None:
+    if SEE is not None:
         (A, C, _), share = s.fit.gain, NO_SHARE if s.share is None else s.share
-        center, R, x_seen, J, h, arrived = LOOK(
+        center, R, x_seen, J, h, arrived = SEE(
             position, s.fit.nodes, s.fit.shape, s.fit.start[s.fit.nodes], A, C, share, x, s.onward, s.gain,
             s.leak, model.products.inertia, model.products.momentum, model.inside,
             0 if swings is None else swings.each,
@@ -138,4 +138,4 @@ def moved(model: LiveModel, x: Array) -> Swing:
     return Swing(x, J, (wide * x[1::each]).ravel() @ model.products.momentum.reshape(-1, 3) + model.inside)
 
 
-LOOK: Any = getattr(compiled, "look", None)  # None where nothing was compiled, or before it was there
+SEE: Any = getattr(compiled, "look", None)  # None where nothing was compiled, or before it was there

@@ -46,7 +46,7 @@ def test_a_compiled_step_is_what_is_written_in_numpy(step, fixed, shown):
         np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-8 * np.abs(other).max(initial=1e-300))
 
 
-@pytest.mark.skipif(sight.LOOK is None, reason="nothing was compiled")
+@pytest.mark.skipif(sight.SEE is None, reason="nothing was compiled")
 @pytest.mark.parametrize("shared", [True, False])
 @pytest.mark.parametrize("modes", [0, 2])
 def test_a_compiled_look_is_what_is_written_in_numpy(modes, shared):

@@ -279,7 +279,7 @@ def test_without_a_compiler_the_wrenches_are_the_same(monkeypatch):
     compiled = followed(t, x)
     monkeypatch.setattr(fixed_lag, "FOLLOW", None)
     monkeypatch.setattr(loads, "ONWARD", None)
-    monkeypatch.setattr(sight, "LOOK", None)
+    monkeypatch.setattr(sight, "SEE", None)
     monkeypatch.setattr(turning, "ALONG", None)
     for module in (attitude, pose):
         monkeypatch.setattr(module, "compiled", None)
