@@ -139,7 +139,7 @@ assert float(three["chi_square"].median()) > 100 * three.attrs["dof"]
 #
 # - A closed loop of parts hides one wrench: it runs around the loop and moves nothing.
 # - Two loads along the same line cannot be told apart. `null_space` in the result says so.
-# - Parts that ring below the noise pass a force that rings. Claims allow for it, and the verdict says so: `joint-may-bend`.
+# - Parts that ring below the noise pass a force that rings. Claims allow for it: `joint-may-bend`.
 #
 # For your own structure, copy `config/two_blocks.toml`, name your nodes, and ask first:
 #
