@@ -212,6 +212,15 @@ def about_its_path(problem: Problem) -> Problem:
     return nearest
 
 
+def shows_center(problem: Problem) -> bool:
+    """Whether the record shows a mass center, told as numbers, elsewhere: what it makes turns with the body,
+    and lines would be found in its place, each at the cost of a flight. It is taken there first.
+    """
+    told = problem.kin.inertia.nodal is None and problem.body.center_off is None
+    shown = problem.kin.attitude and problem.motion.position is not None
+    return told and shown and allow_for_priors(problem.claimed()).center_off is not None
+
+
 def beside_lines(problem: Problem, harmonics: Collection[str] = ()) -> Problem:
     """The problem solved with the lines of its loads, again and again until it shows no further ones.
 
@@ -221,6 +230,8 @@ def beside_lines(problem: Problem, harmonics: Collection[str] = ()) -> Problem:
         more = beside_more_lines(problem, harmonics)
         if more.lines is problem.lines:
             return more
+        if not len(problem.lines) and shows_center(problem):
+            return problem
         try:
             found = with_frames_that_agree(more)
         except EstimationError:  # what does not settle beside lines leaves them in its innovations

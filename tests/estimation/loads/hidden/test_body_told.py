@@ -13,6 +13,7 @@ from forceid.config import load_settings
 from forceid.errors import EstimationError
 from forceid.estimation import run
 from forceid.estimation.loads.hidden.signatures import BALANCED, by_inertia, parts
+from forceid.estimation.methods import smoother
 from forceid.estimation.run import estimate_recording, estimate_whole
 from forceid.records import Body, Motion, Recording
 
@@ -251,3 +252,21 @@ def test_a_center_that_is_shown_moves_on_for_as_long_as_that_matters():
     assert rms(told.force) > 500
     assert rms(shown.force) < 0.2
     assert rms(shown.force) < 2 * rms(shown.force_std)
+
+
+def test_lines_are_sought_when_the_center_is_where_the_motion_shows_it(monkeypatch):
+    """A force at 7 Hz acts beside: lines would explain what a wrong center makes as well."""
+    one, settings = thrown(4, BALANCED * float(np.sqrt((EDGES**2).sum()))), load_settings(model="rigid")
+    t, x = one.motion.time, one.motion.position
+    shaken = x + 0.001 * np.sin(2 * np.pi * 7.0 * t)[:, None, None] * np.array([0.0, 0.6, 0.8])
+    one = replace(one, motion=replace(one.motion, position=shaken))
+    judge = smoother.allow_for_priors
+    for off in (np.full(3, 1e-3), None):
+        monkeypatch.setattr(
+            smoother, "allow_for_priors", lambda p, off=off: replace(judge(p), center_off=off)
+        )
+        held = estimate_whole(one, settings)[1].priors["force"].lines
+        assert bool(held) == (off is None)
+    body = replace(one.body, center_off=1e-3)  # taken there already
+    monkeypatch.setattr(smoother, "allow_for_priors", None)
+    assert estimate_whole(replace(one, body=body), settings)[1].priors["force"].lines
