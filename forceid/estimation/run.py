@@ -70,7 +70,7 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     with recorded() as spent, stage("rest"), threads_for(rows_solved(recording.body)):
         recording = with_stated(recording, settings)
         try:
-            result = estimate_shown(without_mechanism(recording, settings), settings)
+            result, _ = estimate_shown(without_mechanism(recording, settings), settings)
         except EstimationError as e:
             if not settings.part:
                 raise
@@ -94,8 +94,9 @@ def rows_solved(body: Body) -> int:
     return max((len(a) for a in (body.mass_matrix, body.stiffness) if a is not None), default=0)
 
 
-def estimate_shown(recording: Recording, settings: Settings) -> Estimate:
-    """The estimate of a recording as one body, its mass center where its motion shows it to be.
+def estimate_shown(recording: Recording, settings: Settings) -> tuple[Estimate, Solution | None]:
+    """The estimate of a recording as one body, its mass center where its motion shows it to be; and the
+    solution behind it unless it is refused.
 
     Loads that passed for a center told wrong leave it a little beside; under what is left of them the motion
     shows it better, until it moves no less than half as far as before: then it is no center that shows.
@@ -108,13 +109,13 @@ def estimate_shown(recording: Recording, settings: Settings) -> Estimate:
         now, last = solution.kinematics.inertia.center, move
         told = now if told is None else told
         try:
-            shown, solution = estimate_whole(*as_shown(recording, settings, told, told - now + off))
+            shown, behind = estimate_whole(*as_shown(recording, settings, told, told - now + off))
         except EstimationError:  # what there is claims a center told wrong
             break
         if shown.verdict.level == "refused":
             break
-        result = shown
-    return result
+        result, solution = shown, behind
+    return result, solution
 
 
 def estimate_whole(recording: Recording, settings: Settings) -> tuple[Estimate, Solution | None]:

@@ -25,7 +25,7 @@ from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.estimation.long.joined import cut
 from forceid.estimation.long.windows import LONG
 from forceid.estimation.methods.problem import Solution
-from forceid.estimation.run import estimate_whole
+from forceid.estimation.run import estimate_shown
 from forceid.kalman.engines import engine
 from forceid.principal import cross_matrix
 from forceid.records import Array, Motion, Recording
@@ -50,7 +50,7 @@ def twin(recording: Recording, rng: np.random.Generator, where: str = "") -> Rec
             where or "the recording",
             "give the recording its truth, or chart a scene that is near to it",
         )
-    estimate, solution = estimate_whole(recording, Settings())
+    estimate, solution = estimate_shown(recording, Settings())
     if solution is None or set(solution.priors) != set(LOADS):
         raise DataError(
             f"has no motion to make a twin of: {'; '.join(estimate.verdict.reasons) or 'nothing turns'}",

@@ -12,7 +12,7 @@ from forceid.errors import EstimationError
 from forceid.estimation.body.deformation import products_of
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.methods.problem import Solution
-from forceid.estimation.run import estimate_whole
+from forceid.estimation.run import estimate_shown
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.kalman import StateSpace, steady
 from forceid.kalman.building.process import discretize
@@ -91,7 +91,7 @@ def tuned_on(
     """The model that the estimate of a stretch leaves. EstimationError where that shows no force."""
     time, position = np.array([f.time for f in frames]), np.array([f.position for f in frames])
     motion = Motion(time, position, gravity=gravity, noise_std=noise_std)
-    found, solution = estimate_whole(Recording(body, motion), settings)
+    found, solution = estimate_shown(Recording(body, motion), settings)
     if solution is None or "force" not in solution.priors or solution.kinematics.markers is None:
         why = "; ".join(found.verdict.reasons) or "the plain route alone stands, which has no prior"
         raise EstimationError(f"cannot be tuned on: {why}", f"the stretch up to {time[-1]:g} s")

@@ -270,3 +270,12 @@ def test_lines_are_sought_when_the_center_is_where_the_motion_shows_it(monkeypat
     body = replace(one.body, center_off=1e-3)  # taken there already
     monkeypatch.setattr(smoother, "allow_for_priors", None)
     assert estimate_whole(replace(one, body=body), settings)[1].priors["force"].lines
+
+
+def test_who_asks_for_the_solution_has_the_center_that_is_shown_too():
+    """As a live estimate does, which goes on about it; the true one is the origin."""
+    one = thrown(4, BALANCED * float(np.sqrt((EDGES**2).sum())))
+    found, solution = run.estimate_shown(one, load_settings(model="rigid"))
+    assert "center-shown" in {finding.code for finding in found.verdict.findings}
+    told, taken = (np.linalg.norm(a) for a in (one.body.mass_center, solution.kinematics.inertia.center))
+    assert taken < 0.5 * told
