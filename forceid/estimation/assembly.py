@@ -112,6 +112,7 @@ def assemble(
         *judge_answers(kin, solution.deformation),
         *further,
     ]
+    shared = None if known else split_by_foot(feet, recording.body.node, motion, solution.state)
     result = Estimate(
         time=motion.time, force=wrench[:, :3], moment=wrench[:, 3:], wrench_cov=cov, center=state.center,
         velocity=state.velocity, orientation=canonical_quaternions(rotation), angular_velocity=state.omega,
@@ -130,7 +131,7 @@ def assemble(
         loads=loads, tuned=solution.tuned, leakage=leaks.numbers() if leaks else {},
         sensitivity=costs.numbers(), hidden=solution.hidden, impulses=solution.impulses,
         flown=flown_of(solution, motion),
-        feet=None if known else split_by_foot(feet, recording.body.node, motion, solution.state),
+        feet=shared.feet if shared else None,
         aero=air_of(settings, solution, state, motion),
     )  # fmt: skip
     return replace(result, **turning)

@@ -1,20 +1,24 @@
 """The force of the ground on each foot of a person: all of it on one that stands alone, by a rule on two.
 
 A foot touches where it is near to its lowest level and slow; where none does and the ground pushes, the lower
-one carries. Where both touch, motion tells their sum alone. Then the pressure center of the whole, that
-force and moment place on the ground, lies between those of the feet: its part of the way from one to the
-other is the share of that other, in all components. The place of the pressure under each foot is not known
-better than half of its length, and both may push apart by friction; both are in the claim.
+one carries. How fast it is shows over a while, so that a foot may touch that long before and behind. Where
+both may touch, motion tells their sum alone, and a rule says the rest: the pressure under each foot is under
+its middle, to half of its length; it twists the foot by friction within that reach; and both push along the
+ground as they push against it, but for what they push apart. Of wrenches w_k with mean mu_k and covariance
+P_k by that rule, whose sum W is known, w_k = mu_k + P_k (P_1 + P_2)^-1 (W - mu_1 - mu_2).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from forceid.config import FootSetting
 from forceid.errors import ConfigError
 from forceid.flight.smoother import FlightState
+from forceid.principal import transport_matrix
 from forceid.records import Array, Feet, Flags, Motion
 from forceid.significance import SIGMAS
 
@@ -22,6 +26,7 @@ FOOT_NEAR = 0.04  # m above its lowest level, at which a foot still touches: ski
 SLOW = 0.6  # m/s: a foot that lands or leaves is faster
 LEVEL = 0.05  # part of the record in which a foot stands lowest: its level
 STEADY = 0.06  # s over which its speed is taken
+EVEN = 0.5  # of the whole, by which a share is off a half at most: all, or none
 PUSH_APART = 0.1  # of the vertical force on the lesser foot, that both may push apart by beside
 FEET = ("left_foot", "right_foot")  # as tables of persons name them
 
@@ -43,10 +48,22 @@ def feet_of(settings: tuple[FootSetting, ...], node: tuple[str, ...]) -> tuple[F
     )
 
 
+@dataclass(frozen=True)
+class FootLoads:
+    """Wrenches (time, foot, 6) of the ground on two feet about the mass center of the body, world axes, with
+    cov (time, foot, 6, 6); middle (time, foot, 3) m of the feet; feet: their forces, and when they touch.
+    """
+
+    wrench: Array
+    cov: Array
+    middle: Array
+    feet: Feet
+
+
 def split_by_foot(
     feet: tuple[FootSetting, ...], node: tuple[str, ...], motion: Motion, state: FlightState
-) -> Feet | None:
-    """The force on each of two feet, with covariance; None without feet, gravity or their tracks."""
+) -> FootLoads | None:
+    """What the ground gives each of two feet, with covariance; None without feet, gravity or their tracks."""
     if len(feet) != 2 or motion.position is None or not motion.gravity.any():
         return None
     up = -motion.gravity / np.linalg.norm(motion.gravity)
@@ -56,66 +73,76 @@ def split_by_foot(
     points = [np.asarray(track) for track in tracks]
     lowest = np.stack([(x @ up).min(1) for x in points], 1)
     level = np.quantile(lowest, LEVEL, axis=0)
-    center = np.stack([x.mean(1) for x in points], 1)
-    touches = touching(motion.time, lowest - level, center)
-    push, cov = state.force @ up, state.wrench_cov
+    middle = np.stack([x.mean(1) for x in points], 1)
+    touches = touching(motion.time, lowest - level, middle)
+    W, cov = np.concatenate([state.force, state.moment], 1), state.wrench_cov
+    push = state.force @ up
     pushed = push > SIGMAS * np.sqrt(np.einsum("a,tab,b->t", up, cov[:, :3, :3], up))
     none = pushed & ~touches.any(1)
     touches[none, (lowest - level)[none].argmin(1)] = True
-    both, alone = touches.all(1), touches[:, 1] & ~touches[:, 0]
-    reach = np.array([one.reach for one in feet])
-    second, std = lever_share(state, center, level.mean(), up, reach)
-    share = np.where(both, second, alone.astype(float))
-    std = np.where(both, std, 0.0)
-    parts = np.stack([1 - share, share], 1)
-    parts[~touches.any(1) | ~pushed] = 0.0
-    std[~pushed] = 0.0
-    F = state.force[:, None]
-    level_axes = np.eye(3) - np.outer(up, up)
-    apart = (PUSH_APART * np.minimum(parts[:, 0], parts[:, 1]) * push) ** 2
-    force_cov = parts[..., None, None] ** 2 * cov[:, None, :3, :3]
-    force_cov = force_cov + (std**2)[:, None, None, None] * (F[..., None] * F[..., None, :])
-    force_cov = force_cov + apart[:, None, None, None] * level_axes
-    return Feet(
-        tuple(one.name for one in feet), parts[..., None] * F, force_cov, touches.astype(float), parts, std
+    may = maximum_filter1d(touches, frames_of(motion.time, STEADY), axis=0, mode="nearest")
+    wrench = np.where((touches & ~may.all(1)[:, None])[..., None], W[:, None], 0.0)
+    own = np.where((touches & ~may.all(1)[:, None])[..., None, None], cov[:, None], 0.0)
+    share, std = touches.astype(float), np.zeros(len(W))
+    both = np.flatnonzero(may.all(1) & pushed)
+    if len(both):
+        sole = middle[both] + up * (level.mean() - middle[both] @ up)[..., None]
+        arm = sole - state.center[both, None]
+        reach = np.array([one.reach for one in feet])
+        wrench[both], own[both] = shared(W[both], cov[both], arm, up, reach)
+        share[both] = wrench[both, :, :3] @ up / push[both, None]
+        std[both] = np.sqrt(np.einsum("a,tab,b->t", up, own[both, 0, :3, :3], up)) / push[both]
+    share[~touches.any(1) | ~pushed] = 0.0
+    wrench[~pushed], std[~pushed] = 0.0, 0.0
+    found = Feet(
+        tuple(one.name for one in feet), wrench[..., :3], own[..., :3, :3], touches.astype(float), share, std
     )
+    return FootLoads(wrench, own, middle, found)
+
+
+def shared(W: Array, cov: Array, arm: Array, up: Array, reach: Array) -> tuple[Array, Array]:
+    """Wrenches (time, 2, 6) of two feet by the rule, and their covariances (time, 2, 6, 6), that add up to W.
+
+    W (time, 6) about the mass center, with cov; arm (time, 2, 3) m of the soles from there; up (3,);
+    reach (2,) m. Once to share what pushes against the ground, then once more for what pushes along it.
+    """
+    push = np.abs(W[:, :3] @ up)
+    along = W[:, :3] - (W[:, :3] @ up)[:, None] * up
+    share, std = np.full((len(W), 2), 0.5), np.full(len(W), EVEN)
+    to_center = transport_matrix(arm)
+    wrench, own = np.zeros((len(W), 2, 6)), np.zeros((len(W), 2, 6, 6))
+    for _ in range(2):
+        mean = np.zeros((len(W), 2, 6))
+        mean[..., :3] = share[..., None] * along[:, None] + 0.5 * push[:, None, None] * up
+        mean = np.einsum("tfij,tfj->tfi", to_center, mean)
+        apart = PUSH_APART * np.hypot(share.min(1), std) * push + std * np.linalg.norm(along, axis=1)
+        carried = (np.hypot(share, std[:, None]) * push[:, None])[..., None]
+        size = np.zeros((len(W), 2, 6))
+        size[..., :3] = np.sqrt(2) * apart[:, None, None]
+        size[..., 3:] = reach[:, None] * carried
+        R = size[..., :, None] ** 2 * np.eye(6)
+        against = np.zeros(6)
+        against[:3] = up
+        R = R + 2 * (EVEN * push[:, None, None, None]) ** 2 * np.outer(against, against)
+        P = to_center @ R @ to_center.mT
+        gain = np.linalg.solve(P.sum(1)[:, None], P).mT  # P_k (P_1 + P_2)^-1
+        wrench = mean + np.einsum("tfij,tj->tfi", gain, W - mean.sum(1))
+        own = gain @ P[:, ::-1] + gain @ cov[:, None] @ gain.mT
+        share = np.clip(wrench[..., :3] @ up / push[:, None], 0.0, 1.0)
+        std = np.sqrt(np.einsum("a,tab,b->t", up, own[:, 0, :3, :3], up)) / push
+    return wrench, own
+
+
+def frames_of(time: Array, seconds: float) -> int:
+    """How many frames a while takes, one at least."""
+    return max(1, round(seconds / float(np.median(np.diff(time)))))
 
 
 def touching(time: Array, height: Array, center: Array) -> Flags:
     """Whether feet touch (time, foot): height (time, foot) m above their level, center (time, foot, 3) m."""
-    frames = max(1, round(STEADY / float(np.median(np.diff(time)))))
-    smooth = uniform_filter1d(center, frames, axis=0, mode="nearest")
+    smooth = uniform_filter1d(center, frames_of(time, STEADY), axis=0, mode="nearest")
     speed = np.linalg.norm(np.gradient(smooth, time, axis=0), axis=2)
     return np.asarray((height < FOOT_NEAR) & (speed < SLOW))
-
-
-def lever_share(
-    state: FlightState, foot: Array, ground: float, up: Array, reach: Array
-) -> tuple[Array, Array]:
-    """Share of the second foot (time,) by the pressure center between both, and its standard deviation.
-
-    foot (time, 2, 3) m; ground m along up; reach (2,) m: by which the pressure may be off the foot's middle.
-    """
-    F, T = state.force, state.moment
-    push = np.where(np.abs(F @ up) > 0, F @ up, np.nan)
-    h = state.center @ up - ground
-    level = np.eye(3) - np.outer(up, up)
-
-    def pressure(F: Array, T: Array, push: Array) -> Array:
-        return np.asarray(state.center @ level + (np.cross(up, T) - h[:, None] * (F @ level)) / push[:, None])
-
-    way = (foot[:, 1] - foot[:, 0]) @ level
-    square = (way**2).sum(1)
-    share = ((pressure(F, T, push) - foot[:, 0]) * way).sum(1) / square
-    # slopes of the share by force and moment: the pressure center is linear in both but for the push
-    at = pressure(F, T, push) - state.center @ level
-    by_F = -(h[:, None] * way + (at * way).sum(1)[:, None] * up) / (push * square)[:, None]
-    by_T = np.cross(way, up) / (push * square)[:, None]
-    slope = np.concatenate([by_F, by_T], 1)
-    var = np.einsum("ta,tab,tb->t", slope, state.wrench_cov, slope)
-    held = np.clip(np.nan_to_num(share, nan=0.5), 0.0, 1.0)
-    var = var + ((1 - held) ** 2 * reach[0] ** 2 + held**2 * reach[1] ** 2) / square
-    return held, np.sqrt(np.minimum(np.nan_to_num(var, nan=1.0), 1 / 12))  # no wider than any share is
 
 
 def filled(time: Array, x: Array) -> Array | None:

@@ -10,7 +10,7 @@ every segment the share of the mass that its markers place. What all segments ha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -34,7 +34,8 @@ class SegmentNoise:
     """Errors of the segments of a body, world axes, one size and color for all.
 
     var (3,) m2 of a segment along each axis, in the mean over the record; size (time,): how large errors are
-    at a time, of mean square one; share (segment, node): of a node that markers of the segment place.
+    at a time, of mean square one; share (segment, node): of a node that markers of the segment place; owner
+    (node,): the segment of each, its own or the one that places most of it.
     """
 
     var: Array
@@ -42,6 +43,11 @@ class SegmentNoise:
     size: Array
     color: Color
     share: Array
+    owner: Indices
+
+    def of_nodes(self, own: Flags) -> SegmentNoise:
+        """The same of some nodes (node,) alone."""
+        return replace(self, share=self.share[:, own], owner=self.owner[own])
 
     def of_center(self, mass: Array) -> Array:
         """Covariance (3, 3) m2 of the mass center of nodes of masses (node,), in the mean over the record."""
@@ -72,7 +78,10 @@ def segment_noise(body: Body, time: Array, poses: SegmentPoses) -> SegmentNoise 
     var = (even**2).mean(0)
     usual = 0.5 * np.median(var, axis=0)
     most = float(np.sqrt((var.max(0) / usual).mean()))
-    return SegmentNoise(usual, most, local_size(even, step, color), color, shares(body, poses))
+    share = shares(body, poses)
+    owner = share.argmax(0)
+    owner[poses.segment] = np.arange(len(poses.segment))
+    return SegmentNoise(usual, most, local_size(even, step, color), color, share, owner)
 
 
 def bridged_gaps(time: Array, gaps: Array) -> Array | None:

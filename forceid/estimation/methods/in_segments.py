@@ -41,7 +41,8 @@ from forceid.flight.tuning import FREE, ORDERS
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import mean_square
 from forceid.principal import cross_matrix
-from forceid.records import Array, Body, Flags, Motion
+from forceid.records import Array, Body, Flags, Indices, Motion
+from forceid.rounding import SINGLE
 from forceid.timing import stage
 
 SEGMENTS = "segments"  # the model
@@ -60,6 +61,31 @@ def estimate_in_segments(
     noise = segment_noise(body, motion.time, poses)
     if noise is None:
         return None
+    misplaced = misplaced_each(kin.inertia.weight, noise, settings)
+    return estimate_mass_points(kin, motion, noise, poses, misplaced, settings, engine)
+
+
+def misplaced_each(mass: Array, noise: SegmentNoise, settings: Settings) -> float:
+    """By how much the mass center of each segment is off along an axis (m), if all are off alike, and the
+    mass center of all, of nodes of masses (node,), by what is known of it.
+    """
+    part = np.bincount(noise.owner, mass) / mass.sum()
+    return float((settings.body_std.mass_center or CENTER_STD) / np.sqrt(part @ part))
+
+
+def estimate_mass_points(
+    kin: Kinematics,
+    motion: Motion,
+    noise: SegmentNoise,
+    poses: SegmentPoses,
+    misplaced: float,
+    settings: Settings,
+    engine: Engine,
+) -> Solution:
+    """Wrench and motion of mass points, all of a body or some: kin, motion and noise are of these.
+
+    misplaced: as of `misplaced_each`. EstimationError: too few frames show them all.
+    """
     kin = replace(kin, model=SEGMENTS, color=noise.color, shared=None)
     channels, arm = driven_channels(kin, motion, noise)
     tune = partial(tune_channel, limits=AS_IT_IS, lines=(), engine=engine, kind=settings.load_prior)
@@ -86,9 +112,10 @@ def estimate_in_segments(
         square = apart[:, :, None] * apart[:, None]
         cov = state.wrench_cov + square * np.kron(np.eye(2), np.ones((3, 3)))
         state = replace(state, wrench_cov=cov)
-        off = settings.body_std.mass_center or CENTER_STD
         mass = kin.inertia.weight
-        state = widened_by_misplaced_mass(state, channels, priors, poses, noise.share, mass, arm, off, engine)
+        state = widened_by_misplaced_mass(
+            state, channels, priors, poses, noise.owner, mass, arm, misplaced, engine
+        )
     still = np.zeros((len(motion.time), 0))
     deformation = Deformation(still, still, *inertia_along(kin, still, still))
     numbers = named(replace(kin, noise_root={}), priors) | noise.numbers(kin.inertia.weight)
@@ -141,7 +168,8 @@ def both(kin: Kinematics, motion: Motion, force: FlightState, moment: FlightStat
     J = np.einsum("n,tnab,tncb->tac", kin.inertia.weight, arm, arm, optimize=True)
     seen: Flags = np.asarray(np.isfinite(J).all((1, 2)) & np.isfinite(H).all(1))
     omega = np.full_like(H, np.nan)
-    omega[seen] = np.linalg.solve(J[seen], H[seen][..., None])[..., 0]
+    whole = np.linalg.pinv(J[seen], rcond=SINGLE, hermitian=True)  # points on a line do not turn about it
+    omega[seen] = np.einsum("tab,tb->ta", whole, H[seen])
     wrench_cov, pose_cov = force.wrench_cov.copy(), force.pose_cov.copy()
     wrench_cov[:, 3:, 3:], wrench_cov[:, :3, 3:], wrench_cov[:, 3:, :3] = (
         moment.wrench_cov[:, :3, :3],
@@ -163,22 +191,18 @@ def widened_by_misplaced_mass(
     channels: dict[str, Channel],
     priors: dict[str, LoadPrior],
     poses: SegmentPoses,
-    share: Array,
+    own: Indices,
     mass: Array,
     arm: Array,
-    std: float,
+    each: float,
     engine: Engine,
 ) -> FlightState:
     """The state with a wrench that claims what misplaced mass of segments makes of it.
 
-    share (segment, node), mass (node,) kg, arm (time, node, 3) m from the mass center; std (m): of each
-    coordinate of the mass center of the body, to which all segments contribute as if each were off alike.
+    own (node,): the segment of each node; mass (node,) kg, arm (time, node, 3) m from the mass center; each
+    (m): by which the mass center of a segment is off, along each of its axes.
     """
-    own = share.argmax(0)  # the segment of each node: its own, or the one that places most
-    own[poses.segment] = np.arange(len(poses.segment))
     m = np.bincount(own, mass, len(poses.segment))
-    part = m / m.sum()
-    each = std / np.sqrt(part @ part)
     moved = m[:, None, None] * steady(channels["force"].time, poses.rotation).swapaxes(2, 3)  # (.., d, world)
     u = np.stack(
         [np.einsum("n,tna->ta", mass[own == k], arm[:, own == k]) / max(m[k], 1e-300) for k in range(len(m))],
