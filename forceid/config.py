@@ -68,12 +68,14 @@ class BodyStdSetting(Section):
     """How uncertain the body is that the file states: standard deviations, which the claims then count.
 
     mass and inertia as shares of themselves, the inertia about each of its principal axes; mass_center: of
-    each coordinate (m), in the axes of the body.
+    each coordinate (m), in the axes of the body; joint: of where the joints of segments are (m, each axis),
+    10 mm where it is not stated.
     """
 
     mass: float = Field(default=0.0, ge=0.0, lt=1.0)
     mass_center: float = Field(default=0.0, ge=0.0)
     inertia: float = Field(default=0.0, ge=0.0, lt=1.0)
+    joint: float = Field(default=0.0, ge=0.0)
 
 
 class PriorSetting(Section):
@@ -254,6 +256,7 @@ class Settings(Section):
     internal_momentum: angular momentum (kg m2/s, body axes) of what turns inside at a constant rate, None:
     not known. rotor: what turns inside at a known speed. mass_rate (kg/s): of a body that burns, from the
     first sample on, its force being what acts on what is left. foot: of two between which the force is split.
+    joint_loads: whether force and moment of the joints of a person, on its two feet, are found as well.
     lines: oscillating loads beside the smooth one, found by evidence ("auto"), "none", or looked for at these
     frequencies only (Hz). known_load: loads that are known; the force and the moment estimated are those of
     all others. part, joint: bodies that joints hold together, for the forces in these. material: name and
@@ -275,6 +278,7 @@ class Settings(Section):
     internal_momentum: Vector | None = None
     mass_rate: float | None = None
     foot: tuple[FootSetting, ...] = ()
+    joint_loads: bool = False
     rotor: tuple[RotorSetting, ...] = ()
     lines: Literal["auto", "none"] | tuple[Annotated[float, Field(gt=0.0)], ...] = "auto"
     noise_std: dict[str, float] = Field(default_factory=dict)

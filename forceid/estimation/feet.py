@@ -5,7 +5,7 @@ one carries. How fast it is shows over a while, so that a foot may touch that lo
 both may touch, motion tells their sum alone, and a rule says the rest: the pressure under each foot is under
 its middle, to half of its length; it twists the foot by friction within that reach; and both push along the
 ground as they push against it, but for what they push apart. Of wrenches w_k with mean mu_k and covariance
-P_k by that rule, whose sum W is known, w_k = mu_k + P_k (P_1 + P_2)^-1 (W - mu_1 - mu_2).
+P_k by that rule, whose sum is W to a covariance C, w_k = mu_k + P_k (P_1 + P_2 + C)^-1 (W - mu_1 - mu_2).
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ FOOT_NEAR = 0.04  # m above its lowest level, at which a foot still touches: ski
 SLOW = 0.6  # m/s: a foot that lands or leaves is faster
 LEVEL = 0.05  # part of the record in which a foot stands lowest: its level
 STEADY = 0.06  # s over which its speed is taken
+WIDE = 0.4  # width of a foot over its length
 EVEN = 0.5  # of the whole, by which a share is off a half at most: all, or none
 PUSH_APART = 0.1  # of the vertical force on the lesser foot, that both may push apart by beside
 FEET = ("left_foot", "right_foot")  # as tables of persons name them
@@ -80,16 +81,19 @@ def split_by_foot(
     pushed = push > SIGMAS * np.sqrt(np.einsum("a,tab,b->t", up, cov[:, :3, :3], up))
     none = pushed & ~touches.any(1)
     touches[none, (lowest - level)[none].argmin(1)] = True
-    may = maximum_filter1d(touches, frames_of(motion.time, STEADY), axis=0, mode="nearest")
-    wrench = np.where((touches & ~may.all(1)[:, None])[..., None], W[:, None], 0.0)
-    own = np.where((touches & ~may.all(1)[:, None])[..., None, None], cov[:, None], 0.0)
+    around = 2 * frames_of(motion.time, STEADY) + 1
+    may: Flags = np.asarray(maximum_filter1d(touches, around, axis=0, mode="nearest"))
+    alone = touches & ~may.all(1)[:, None]
+    wrench = np.where(alone[..., None], W[:, None], 0.0)
+    own = np.where(alone[..., None, None], cov[:, None], 0.0)
     share, std = touches.astype(float), np.zeros(len(W))
     both = np.flatnonzero(may.all(1) & pushed)
     if len(both):
         sole = middle[both] + up * (level.mean() - middle[both] @ up)[..., None]
         arm = sole - state.center[both, None]
         reach = np.array([one.reach for one in feet])
-        wrench[both], own[both] = shared(W[both], cov[both], arm, up, reach)
+        spread = reach[:, None, None] ** 2 * np.stack([pressed(x[both], up) for x in points], 1)
+        wrench[both], own[both] = shared(W[both], cov[both], arm, up, spread)
         share[both] = wrench[both, :, :3] @ up / push[both, None]
         std[both] = np.sqrt(np.einsum("a,tab,b->t", up, own[both, 0, :3, :3], up)) / push[both]
     share[~touches.any(1) | ~pushed] = 0.0
@@ -100,11 +104,28 @@ def split_by_foot(
     return FootLoads(wrench, own, middle, found)
 
 
-def shared(W: Array, cov: Array, arm: Array, up: Array, reach: Array) -> tuple[Array, Array]:
-    """Wrenches (time, 2, 6) of two feet by the rule, and their covariances (time, 2, 6, 6), that add up to W.
+def pressed(x: Array, up: Array) -> Array:
+    """Covariance (time, 3, 3) of the moment about the middle of a foot x (time, node, 3) m under unit pressure.
 
-    W (time, 6) about the mass center, with cov; arm (time, 2, 3) m of the soles from there; up (3,);
-    reach (2,) m. Once to share what pushes against the ground, then once more for what pushes along it.
+    In units of the square of its reach: the pressure is off by that along the foot, and by the width of a
+    foot over its length across; a foot of one node has no direction. It twists no more than it tips across.
+    """
+    off = (x - x.mean(1, keepdims=True)) @ (np.eye(3) - np.outer(up, up))
+    _, size, axes = np.linalg.svd(off, full_matrices=False)
+    across = np.where(size[:, :1, None] > FOOT_NEAR, axes[:, :1].mT @ axes[:, :1], 0.0)
+    tips = np.where(size[:, :1, None] > FOOT_NEAR, WIDE**2, 1.0) * (np.eye(3) - np.outer(up, up))
+    turn = np.cross(np.eye(3), up)
+    lengthwise = (1 - WIDE**2) * turn.T @ across @ turn
+    return np.asarray(tips + lengthwise + WIDE**2 * np.outer(up, up))
+
+
+def shared(W: Array, cov: Array, arm: Array, up: Array, spread: Array) -> tuple[Array, Array]:
+    """Wrenches (time, 2, 6) of two feet by the rule, and their covariances (time, 2, 6, 6), that add up to W
+    as well as it is known.
+
+    W (time, 6) about the mass center, with cov; arm (time, 2, 3) m of the soles from there; up (3,); spread
+    (time, 2, 3, 3) m2 of the moment of a unit force on a foot. Once to share what pushes against the ground,
+    then once more for what pushes along it.
     """
     push = np.abs(W[:, :3] @ up)
     along = W[:, :3] - (W[:, :3] @ up)[:, None] * up
@@ -116,18 +137,17 @@ def shared(W: Array, cov: Array, arm: Array, up: Array, reach: Array) -> tuple[A
         mean[..., :3] = share[..., None] * along[:, None] + 0.5 * push[:, None, None] * up
         mean = np.einsum("tfij,tfj->tfi", to_center, mean)
         apart = PUSH_APART * np.hypot(share.min(1), std) * push + std * np.linalg.norm(along, axis=1)
-        carried = (np.hypot(share, std[:, None]) * push[:, None])[..., None]
-        size = np.zeros((len(W), 2, 6))
-        size[..., :3] = np.sqrt(2) * apart[:, None, None]
-        size[..., 3:] = reach[:, None] * carried
-        R = size[..., :, None] ** 2 * np.eye(6)
+        carried = (np.hypot(share, std[:, None]) * push[:, None])[..., None, None]
+        R = np.zeros((len(W), 2, 6, 6))
+        R[..., :3, :3] = 2 * apart[:, None, None, None] ** 2 * np.eye(3)
+        R[..., 3:, 3:] = carried**2 * spread
         against = np.zeros(6)
         against[:3] = up
         R = R + 2 * (EVEN * push[:, None, None, None]) ** 2 * np.outer(against, against)
         P = to_center @ R @ to_center.mT
-        gain = np.linalg.solve(P.sum(1)[:, None], P).mT  # P_k (P_1 + P_2)^-1
+        gain = np.linalg.solve((P.sum(1) + cov)[:, None], P).mT  # P_k (P_1 + P_2 + C)^-1
         wrench = mean + np.einsum("tfij,tj->tfi", gain, W - mean.sum(1))
-        own = gain @ P[:, ::-1] + gain @ cov[:, None] @ gain.mT
+        own = gain @ (P[:, ::-1] + cov[:, None])
         share = np.clip(wrench[..., :3] @ up / push[:, None], 0.0, 1.0)
         std = np.sqrt(np.einsum("a,tab,b->t", up, own[:, 0, :3, :3], up)) / push
     return wrench, own

@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from forceid.config import BodyStdSetting, Settings
-from forceid.errors import EstimationError
+from forceid.errors import ConfigError, EstimationError
 from forceid.estimation.applied import check_points
 from forceid.estimation.assembly import assemble, refused_estimate
 from forceid.estimation.body.affine_fit import shows_affine
@@ -21,6 +21,7 @@ from forceid.estimation.changing_mass import (
     seen_by_witness,
     share_of_mass,
 )
+from forceid.estimation.joints.segments import segment_joints
 from forceid.estimation.known.loads import known_loads
 from forceid.estimation.known.removal import Beside, beside_known
 from forceid.estimation.loads.hidden.order_uncertainty import grown
@@ -35,6 +36,7 @@ from forceid.estimation.routes import (
     moves_in_segments,
     of_segments,
 )
+from forceid.estimation.standing import ground_on_feet
 from forceid.estimation.stated import (
     as_shown,
     check_stiffness,
@@ -53,7 +55,7 @@ from forceid.estimation.verdict.sensitivity import length
 from forceid.estimation.verdict.tracks import judge_mending
 from forceid.estimation.witness.witness import judge_witness, witness_of, yielding
 from forceid.kalman.engines import engine
-from forceid.records import Body, Estimate, Recording
+from forceid.records import Body, Estimate, Interface, Recording, Verdict
 from forceid.rounding import solvable
 from forceid.sections import to_toml
 from forceid.threads import threads_for
@@ -70,16 +72,21 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     with recorded() as spent, stage("rest"), threads_for(rows_solved(recording.body)):
         recording = with_stated(recording, settings)
         try:
-            result, _ = estimate_shown(without_mechanism(recording, settings), settings)
+            result, solution = estimate_shown(without_mechanism(recording, settings), settings)
         except EstimationError as e:
             if not settings.part:
                 raise
-            result = refused_estimate(recording, settings, [note("whole-body-fails", error=str(e))])
+            result, solution = (
+                refused_estimate(recording, settings, [note("whole-body-fails", error=str(e))]),
+                None,
+            )
         if settings.part or settings.joint:
             # with forceid.partition: only bodies in parts pay for it
             from forceid.estimation.joints.forces import joint_forces
 
             result = replace(result, interface=joint_forces(recording, settings, estimate_whole))
+        elif settings.joint_loads and solution is not None:
+            result = replace(result, interface=loads_of_joints(recording, settings, solution, result.verdict))
     return replace(
         result,
         settings=to_toml(settings),
@@ -87,6 +94,15 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
         runtime_s=perf_counter() - began,
         timing=in_order(spent),
     )
+
+
+def loads_of_joints(recording: Recording, settings: Settings, whole: Solution, verdict: Verdict) -> Interface:
+    """What passes the joints of a person, whole; a ConfigError where it was not estimated in segments."""
+    if whole.kinematics.model != SEGMENTS:
+        what = f"asks for the joints of segments, and the model is {whole.kinematics.model}"
+        raise ConfigError(what, "joint_loads", 'use model = "segments", on a body imported with joints')
+    ground = ground_on_feet(recording, settings, whole)
+    return segment_joints(recording, settings, whole, ground, verdict)
 
 
 def rows_solved(body: Body) -> int:

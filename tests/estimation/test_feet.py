@@ -74,14 +74,14 @@ def test_a_foot_that_may_touch_by_now_shares_within_what_is_claimed():
     assert 0.3 < np.sqrt(np.mean(score)) < 1.4
 
 
-def test_wrenches_of_two_feet_add_up_to_the_whole_and_twist_within_what_is_claimed():
+def test_wrenches_of_two_feet_add_up_to_the_whole_as_it_is_known_and_tip_as_claimed():
     score = []
     for seed in range(12):
         motion, state, force, stands = walking(seed)
         found = split_by_foot(FEET, NODES, motion, state)
         both = stands.all(1) & (found.feet.share_std > 0)
         whole = np.concatenate([state.force, state.moment], 1)
-        assert np.allclose(found.wrench[both].sum(1), whole[both])
+        assert (np.abs(found.wrench[both].sum(1) - whole[both]) < STD).all()
         assert np.linalg.eigvalsh(found.cov[both]).min() > 0
         arm = found.middle - state.center[:, None]
         twist = found.wrench[..., 3:] - np.cross(arm, found.wrench[..., :3])
@@ -101,7 +101,7 @@ def test_two_feet_share_by_the_pressure_center_within_what_is_claimed():
         assert both.sum() > 20
         std = np.sqrt(found.force_cov[both][:, :, 2, 2])
         score.append(np.mean(((found.force - force)[both][..., 2] / std) ** 2))
-        assert np.allclose(found.force[both].sum(1), state.force[both])
+        assert (np.abs(found.force[both].sum(1) - state.force[both]) < STD[:3]).all()
     assert 0.3 < np.sqrt(np.mean(score)) < 1.4
 
 

@@ -42,6 +42,7 @@ SEGMENT_LENGTH = {
     "shank": 0.41,
     "foot": 0.16,
 }
+HANGS = {"pelvis": 0.1, "trunk": 0.18}  # m, by which limbs are to the side of what they hang on
 MASS = 65.0  # kg
 CENTER_OFF = 0.04  # of a segment's length, by which its mass center is off the table, each axis
 UNEVEN = 0.15  # rad, by which steps come early or late
@@ -77,28 +78,72 @@ def person(seed: int, task: str, seconds: float = 5.0, skin: Skin | None = None)
 
     task: walk, run, squat or jump.
     """
-    rng, skin = np.random.default_rng(seed), Skin() if skin is None else skin
+    rng = np.random.default_rng(seed)
     fine = np.arange(int(seconds * RATE) * FINER) / (RATE * FINER)
     root, angles = moved(rng, task, fine)
-    length = {name: SEGMENT_LENGTH[name.split()[-1]] * rng.uniform(0.9, 1.1) for name in TABLE}
-    start, axes = {"": root}, {}
-    for name, (on, at, *_) in TABLE.items():
-        side = 1.0 if name.startswith("left") else -1.0 if name.startswith("right") else 0.0
-        base = root if not on else start[on] + at * length[on] * axes[on][..., 2]
-        axes[name] = angles[name].as_matrix()
-        hangs = {"pelvis": 0.1, "trunk": 0.18}.get(on, 0.0)
-        start[name] = base + side * hangs * (axes[on][..., 1] if on else 0.0)
+    figure = Figure(drawn_lengths(rng), root, {name: angles[name].as_matrix() for name in TABLE})
+    x, m = rods(figure, drawn_centers(rng, figure.length))
+    skin = Skin() if skin is None else skin
+    return captured(rng, figure, fine, x, m, skin, QUIET[task], f"{task} {seed}")
 
-    def placed(name: str, X: Array) -> Array:
-        return np.asarray(start[name][:, None] + np.einsum("tab,nb->tna", axes[name], X))
 
-    mass, rods = [], []
+def drawn_lengths(rng: np.random.Generator) -> dict[str, float]:
+    """The length of every segment, m."""
+    return {name: SEGMENT_LENGTH[name.split()[-1]] * rng.uniform(0.9, 1.1) for name in TABLE}
+
+
+class Figure:
+    """Rods as they stand: length m, axes (time, 3, 3) and start (time, 3) m of each, and the root."""
+
+    def __init__(self, length: dict[str, float], root: Array, axes: dict[str, Array]) -> None:
+        self.length, self.root, self.axes = length, root, axes
+        self.start = {"": root}
+        for name, (on, at, *_) in TABLE.items():
+            self.start[name] = (
+                self.start[on] + at * length[on] * axes[on][..., 2] if on else root
+            ) + hanging(name, on, axes)
+
+    def placed(self, name: str, X: Array) -> Array:
+        """Points (node, 3) of a rod in the world (time, node, 3) m."""
+        return np.asarray(self.start[name][:, None] + np.einsum("tab,nb->tna", self.axes[name], X))
+
+
+def hanging(name: str, on: str, axes: dict[str, Array]) -> Array:
+    """How far to its side a rod hangs on another (time, 3) m, or is put there."""
+    side = 1.0 if name.startswith("left") else -1.0 if name.startswith("right") else 0.0
+    return np.asarray(side * HANGS.get(on, 0.0) * axes[on or name][..., 1])
+
+
+def drawn_centers(rng: np.random.Generator, length: dict[str, float]) -> dict[str, Array]:
+    """By how much the mass center of every segment is off the table (3,) m."""
+    return {name: CENTER_OFF * length[name] * rng.standard_normal(3) for name in TABLE}
+
+
+def rods(figure: Figure, off: dict[str, Array]) -> tuple[Array, Array]:
+    """Mass points (time, point, 3) m of a figure, two a segment in the order of TABLE, and masses kg."""
+    x, mass = [], []
     for name, (*_, part, center, gyration) in TABLE.items():
-        off = CENTER_OFF * length[name] * rng.standard_normal(3)
         for end in (center - gyration, center + gyration):
-            rods.append(placed(name, np.array([[0.0, 0.0, end * length[name]]]) + off))
+            x.append(figure.placed(name, np.array([[0.0, 0.0, end * figure.length[name]]]) + off[name]))
             mass.append(0.5 * part * MASS)
-    x, m = np.concatenate(rods, 1), np.array(mass)
+    return np.concatenate(x, 1), np.array(mass)
+
+
+def captured(
+    rng: np.random.Generator,
+    figure: Figure,
+    fine: Array,
+    x: Array,
+    m: Array,
+    skin: Skin,
+    loud: float,
+    title: str,
+) -> Recording:
+    """What cameras see of a figure of mass points x (time, point, 3), m (point,), with its true resultants.
+
+    loud: how far the skin moves, over how far it may.
+    """
+    length, root, placed = figure.length, figure.root, figure.placed
     truth = resultants(fine, x, m)
     at = slice(None, None, FINER)
     markers, owner, shape, labels = [], [], [], []
@@ -144,7 +189,7 @@ def person(seed: int, task: str, seconds: float = 5.0, skin: Skin | None = None)
             lumps.append(0.5 * part * MASS)
     for on, name in joints:
         where.append(shape[near.get(name, far[on])] + JOINT_OFF * rng.standard_normal(3))
-    noisy = seen + QUIET[task] * carried_errors(rng, skin, fine[at], root, np.array(owner), meets)
+    noisy = seen + loud * carried_errors(rng, skin, fine[at], root, np.array(owner), meets)
     if skin.cut:
         noisy = sosfiltfilt(butter(2, skin.cut / 0.802, fs=RATE, output="sos"), noisy, axis=0)
     position = np.einsum("nm,tma->tna", weight, noisy)
@@ -160,7 +205,7 @@ def person(seed: int, task: str, seconds: float = 5.0, skin: Skin | None = None)
     stated = np.einsum("n,tna->ta", body.mass / MASS, position)  # as forces of plates are taken to a body
     moment = truth["moment"][at] + np.cross(truth["center"][at] - stated, truth["force"][at])
     told = {"force": truth["force"][at], "moment": moment, "center": truth["center"][at]}
-    return Recording(body, motion, told, title=f"{task} {seed}")
+    return Recording(body, motion, told, title=title)
 
 
 def resultants(time: Array, x: Array, m: Array) -> dict[str, Array]:

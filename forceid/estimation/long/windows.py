@@ -64,7 +64,7 @@ def estimate_of_any_length(
     on; they are of use for the same input, settings and version.
     """
     frames = len(recording.motion.time)
-    if frames <= LONG or settings.part or settings.joint:  # joints have reactions that are no stretch's own
+    if frames <= LONG or settings.part or settings.joint or settings.joint_loads:  # of no stretch's own
         return estimate_recording(recording, settings)
     kept = made(kept)
     edges = np.linspace(0, frames, -(-frames // (LONG - 2 * MARGIN)) + 1).astype(int).tolist()

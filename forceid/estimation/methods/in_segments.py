@@ -15,6 +15,7 @@ ones as well: no load is rougher than under errors as large as those of the loud
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -81,10 +82,12 @@ def estimate_mass_points(
     misplaced: float,
     settings: Settings,
     engine: Engine,
+    part_of: Mapping[str, LoadPrior] | None = None,
 ) -> Solution:
     """Wrench and motion of mass points, all of a body or some: kin, motion and noise are of these.
 
-    misplaced: as of `misplaced_each`. EstimationError: too few frames show them all.
+    misplaced: as of `misplaced_each`; part_of: the priors of all of a body, whose loads are as smooth as those
+    on a part, None where it is all. EstimationError: too few frames show them all.
     """
     kin = replace(kin, model=SEGMENTS, color=noise.color, shared=None)
     channels, arm = driven_channels(kin, motion, noise)
@@ -94,8 +97,9 @@ def estimate_mass_points(
         with stage("force" if load == "force" else "moment"):
             stated = stated_of(settings, load)
             loud = replace(channel, noise_cov=noise.most**2 * channel.noise_cov)
-            least = tune(loud, stated=stated)
-            smooth = tuple(order for order in ORDERS if order >= min(least.kernel.order, FREE))
+            some = ORDERS if part_of is None else (part_of[load].kernel.order,)
+            least = tune(loud, stated=stated, orders=some)
+            smooth = tuple(order for order in some if order >= min(least.kernel.order, FREE))
             priors[load] = tune(channel, stated=stated, orders=smooth)
             states[load] = smoothed(channel, priors[load], engine, causal)
             others.append(smoothed(loud, least, engine, causal).force)

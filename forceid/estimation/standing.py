@@ -1,0 +1,77 @@
+"""What the ground gives each foot of a person: as plates say it, or by a rule where motion alone tells it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from forceid.config import FootSetting, Settings
+from forceid.errors import ConfigError
+from forceid.estimation.body.tracks.bridging import straight
+from forceid.estimation.feet import LEVEL, feet_of, split_by_foot
+from forceid.estimation.joints.segments import Ground
+from forceid.estimation.known.loads import KnownLoad, known_loads
+from forceid.estimation.known.removal import path_through, wrench_of
+from forceid.estimation.methods.problem import Solution
+from forceid.records import Array, Indices, Recording
+
+UNDER = 0.3  # m: a foot is no longer, so that what is farther from it is not under it
+
+
+def ground_on_feet(recording: Recording, settings: Settings, whole: Solution) -> tuple[Ground, ...]:
+    """The wrench on every foot, about the mass center; whole: the solution, beside loads that are known.
+
+    ConfigError: the body names no feet, or a known load is under none of them.
+    """
+    body, motion = recording.body, recording.motion
+    feet = feet_of(settings.foot, body.node)
+    nodes = [np.array([body.node.index(n) for n in one.nodes]) for one in feet]
+    loads = known_loads(recording, settings)
+    if not feet:
+        what = "asks what passes the joints of a body whose feet are not known"
+        raise ConfigError(what, "joint_loads", "give a [[foot]] for each of two feet")
+    if not loads:
+        split = split_by_foot(feet, body.node, motion, whole.state)
+        if split is None:
+            what = "asks what passes the joints of a person without gravity, or whose feet are never seen"
+            raise ConfigError(what, "joint_loads", "give gravity, and markers on both feet")
+        return tuple(Ground(own, split.wrench[:, k], split.cov[:, k]) for k, own in enumerate(nodes))
+    return on_plates(recording, feet, nodes, loads, whole)
+
+
+def on_plates(
+    recording: Recording,
+    feet: tuple[FootSetting, ...],
+    nodes: list[Indices],
+    loads: tuple[KnownLoad, ...],
+    whole: Solution,
+) -> tuple[Ground, ...]:
+    """Feet with the loads that are known under them; one without any has what else acts on the body."""
+    time, state = recording.motion.time, whole.state
+    assert recording.motion.position is not None
+    path = path_through(time, state.center, state.rotation)
+    middle = np.stack([np.nanmean(recording.motion.position[:, own], axis=1) for own in nodes], 1)
+    wrench, cov = np.zeros((len(feet), len(time), 6)), np.zeros((len(feet), len(time), 6, 6))
+    under = [foot_over(load, time, middle) for load in loads]
+    for load, k in zip(loads, under, strict=True):
+        own, error, _ = wrench_of(load, time, path)
+        wrench[k] += own
+        cov[k] += error
+    for k in set(range(len(feet))) - set(under):
+        wrench[k], cov[k] = np.concatenate([state.force, state.moment], 1), state.wrench_cov
+    return tuple(Ground(own, wrench[k], cov[k]) for k, own in enumerate(nodes))
+
+
+def foot_over(load: KnownLoad, time: Array, middle: Array) -> int:
+    """Which foot, middle (time, foot, 3) m, is over a known load. ConfigError: none is, or both are."""
+    if load.point is None or load.body:
+        what = f"acts on the body at no place on the ground: joint_loads cannot tell what {load.name} passes"
+        raise ConfigError(what, "known_load", "give its point, or leave out joint_loads")
+    point = load.point if load.point.ndim == 1 else straight(time, load.time, load.point)
+    size = np.linalg.norm(straight(time, load.time, load.wrench[:, :3]), axis=1)
+    size = size / max(float(size.sum()), np.finfo(float).tiny)
+    away = np.linalg.norm(middle - np.broadcast_to(point, middle[:, 0].shape)[:, None], axis=2)
+    part = [float(size[(away.argmin(1) == k) & (away[:, k] < UNDER)].sum()) for k in range(middle.shape[1])]
+    if max(part) < 1 - LEVEL:
+        what = f"{load.name} is under no foot, or not under one alone"
+        raise ConfigError(what, "known_load", "part it by foot, or leave out joint_loads")
+    return int(np.argmax(part))
