@@ -1,11 +1,12 @@
 """The force of the ground on each foot of a person: all of it on one that stands alone, by a rule on two.
 
-A foot touches where it is near to its lowest level and slow; where none does and the ground pushes, the lower
-one carries. How fast it is shows over a while, so that a foot may touch that long before and behind. Where
-both may touch, motion tells their sum alone, and a rule says the rest: the pressure under each foot is under
-its middle, to half of its length; it twists the foot by friction within that reach; and both push along the
-ground as they push against it, but for what they push apart. Of wrenches w_k with mean mu_k and covariance
-P_k by that rule, whose sum is W to a covariance C, w_k = mu_k + P_k (P_1 + P_2 + C)^-1 (W - mu_1 - mu_2).
+A foot touches where it is near to its lowest level and slow; where none does and the ground pushes, those
+near to it carry, or the lower one. How fast it is shows over a while, so that a foot may touch that long
+before and behind. Where both may touch, motion tells their sum alone, and a rule says the rest: the pressure
+under each foot is under its middle, to half of its length; it twists the foot by friction within that reach;
+and both push along the ground as they push against it, but for what they push apart. Of wrenches w_k with
+mean mu_k and covariance P_k by that rule, whose sum is W to a covariance C,
+w_k = mu_k + P_k (P_1 + P_2 + C)^-1 (W - mu_1 - mu_2).
 """
 
 from __future__ import annotations
@@ -80,24 +81,22 @@ def split_by_foot(
     push = state.force @ up
     pushed = push > SIGMAS * np.sqrt(np.einsum("a,tab,b->t", up, cov[:, :3, :3], up))
     none = pushed & ~touches.any(1)
-    touches[none, (lowest - level)[none].argmin(1)] = True
+    touches[none] = (lowest - level)[none] <= np.maximum(FOOT_NEAR, (lowest - level)[none].min(1))[:, None]
     around = 2 * frames_of(motion.time, STEADY) + 1
     may: Flags = np.asarray(maximum_filter1d(touches, around, axis=0, mode="nearest"))
-    alone = touches & ~may.all(1)[:, None]
+    shares: Flags = np.asarray(may.all(1))
+    alone = touches & ~shares[:, None]
     wrench = np.where(alone[..., None], W[:, None], 0.0)
     own = np.where(alone[..., None, None], cov[:, None], 0.0)
     share, std = touches.astype(float), np.zeros(len(W))
-    both = np.flatnonzero(may.all(1) & pushed)
+    both = np.flatnonzero(shares)
     if len(both):
         sole = middle[both] + up * (level.mean() - middle[both] @ up)[..., None]
         arm = sole - state.center[both, None]
         reach = np.array([one.reach for one in feet])
         spread = reach[:, None, None] ** 2 * np.stack([pressed(x[both], up) for x in points], 1)
         wrench[both], own[both] = shared(W[both], cov[both], arm, up, spread)
-        share[both] = wrench[both, :, :3] @ up / push[both, None]
-        std[both] = np.sqrt(np.einsum("a,tab,b->t", up, own[both, 0, :3, :3], up)) / push[both]
-    share[~touches.any(1) | ~pushed] = 0.0
-    wrench[~pushed], std[~pushed] = 0.0, 0.0
+        share[both], std[both] = share_of(wrench[both], own[both], W[both], cov[both], up)
     found = Feet(
         tuple(one.name for one in feet), wrench[..., :3], own[..., :3, :3], touches.astype(float), share, std
     )
@@ -105,7 +104,7 @@ def split_by_foot(
 
 
 def pressed(x: Array, up: Array) -> Array:
-    """Covariance (time, 3, 3) of the moment about the middle of a foot x (time, node, 3) m under unit pressure.
+    """Covariance (time, 3, 3) of the moment of a unit pressure about the middle of a foot (time, node, 3) m.
 
     In units of the square of its reach: the pressure is off by that along the foot, and by the width of a
     foot over its length across; a foot of one node has no direction. It twists no more than it tips across.
@@ -127,7 +126,7 @@ def shared(W: Array, cov: Array, arm: Array, up: Array, spread: Array) -> tuple[
     (time, 2, 3, 3) m2 of the moment of a unit force on a foot. Once to share what pushes against the ground,
     then once more for what pushes along it.
     """
-    push = np.abs(W[:, :3] @ up)
+    push = pushing(W, cov, up)
     along = W[:, :3] - (W[:, :3] @ up)[:, None] * up
     share, std = np.full((len(W), 2), 0.5), np.full(len(W), EVEN)
     to_center = transport_matrix(arm)
@@ -148,9 +147,23 @@ def shared(W: Array, cov: Array, arm: Array, up: Array, spread: Array) -> tuple[
         gain = np.linalg.solve((P.sum(1) + cov)[:, None], P).mT  # P_k (P_1 + P_2 + C)^-1
         wrench = mean + np.einsum("tfij,tj->tfi", gain, W - mean.sum(1))
         own = gain @ (P[:, ::-1] + cov[:, None])
-        share = np.clip(wrench[..., :3] @ up / push[:, None], 0.0, 1.0)
-        std = np.sqrt(np.einsum("a,tab,b->t", up, own[:, 0, :3, :3], up)) / push
+        share, std = share_of(wrench, own, W, cov, up)
+        share = np.clip(share, 0.0, 1.0)
     return wrench, own
+
+
+def pushing(W: Array, cov: Array, up: Array) -> Array:
+    """How hard the ground pushes (time,) N, by wrenches W (time, 6) with cov: no less than is known of it."""
+    return np.asarray(
+        np.maximum(np.abs(W[:, :3] @ up), np.sqrt(np.einsum("a,tab,b->t", up, cov[:, :3, :3], up)))
+    )
+
+
+def share_of(wrench: Array, own: Array, W: Array, cov: Array, up: Array) -> tuple[Array, Array]:
+    """Shares (time, 2) of what pushes against the ground, of W (time, 6) with cov, and how sure (time,)."""
+    push = pushing(W, cov, up)
+    std = np.sqrt(np.einsum("a,tab,b->t", up, own[:, 0, :3, :3], up)) / push
+    return wrench[..., :3] @ up / push[:, None], std
 
 
 def frames_of(time: Array, seconds: float) -> int:

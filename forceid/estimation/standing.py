@@ -7,7 +7,7 @@ import numpy as np
 from forceid.config import FootSetting, Settings
 from forceid.errors import ConfigError
 from forceid.estimation.body.tracks.bridging import straight
-from forceid.estimation.feet import LEVEL, feet_of, split_by_foot
+from forceid.estimation.feet import LEVEL, feet_of, filled, split_by_foot
 from forceid.estimation.joints.segments import Ground
 from forceid.estimation.known.loads import KnownLoad, known_loads
 from forceid.estimation.known.removal import path_through, wrench_of
@@ -49,7 +49,11 @@ def on_plates(
     time, state = recording.motion.time, whole.state
     assert recording.motion.position is not None
     path = path_through(time, state.center, state.rotation)
-    middle = np.stack([np.nanmean(recording.motion.position[:, own], axis=1) for own in nodes], 1)
+    tracks = [filled(time, recording.motion.position[:, own]) for own in nodes]
+    if any(track is None for track in tracks):
+        what = "asks what passes the joints of a person whose feet are never seen"
+        raise ConfigError(what, "joint_loads", "restore the markers on both feet")
+    middle = np.stack([np.asarray(track).mean(1) for track in tracks], 1)
     wrench, cov = np.zeros((len(feet), len(time), 6)), np.zeros((len(feet), len(time), 6, 6))
     under = [foot_over(load, time, middle) for load in loads]
     for load, k in zip(loads, under, strict=True):

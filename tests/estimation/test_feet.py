@@ -107,9 +107,22 @@ def test_two_feet_share_by_the_pressure_center_within_what_is_claimed():
 
 def test_in_the_air_no_foot_has_a_force():
     motion, state, _, _ = walking(1)
-    state.force[100:200] = 0.0
-    found = split_by_foot(FEET, NODES, motion, state).feet
-    assert not found.force[100:200].any()
+    air = slice(100, 200)
+    motion.position[air, :, 2] += 0.3
+    state.force[air] = 0.0
+    found = split_by_foot(FEET, NODES, motion, state)
+    inner = slice(110, 190)
+    assert not found.wrench[inner].any()
+    assert not found.feet.contact[inner].any()
+
+
+def test_feet_that_hardly_push_share_what_is_known_of_it():
+    motion, state, _, stands = walking(1)
+    state.force[:], state.moment[:] = 0.0, 0.0
+    found = split_by_foot(FEET, NODES, motion, state)
+    both = stands.all(1) & (found.feet.share_std > 0)
+    assert (np.abs(found.wrench[both][..., 2]) < 3 * STD[2]).all()
+    assert (np.sqrt(found.cov[both][..., 2, 2]) > 0.3 * STD[2]).all()
 
 
 def test_feet_are_two_of_nodes_that_there_are():

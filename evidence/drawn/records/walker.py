@@ -46,13 +46,13 @@ def walker(seed: int, task: str, seconds: float = 5.0, skin: Skin | None = None)
     fine = np.arange(int(seconds * RATE) * FINER) / (RATE * FINER)
     length = drawn_lengths(rng)
     off = drawn_centers(rng, length)
-    ankle, press, share = (steps if task == "walk" else squats)(rng, fine)
-    leg = np.mean([length[f"{s} thigh"] + length[f"{s} shank"] for s in ("left", "right")])
+    leg = min(length[f"{s} thigh"] + length[f"{s} shank"] for s in ("left", "right"))
+    ankle, press, share = steps(rng, fine, leg) if task == "walk" else squats(rng, fine)
     low = 0.03 * (1 - np.cos(2 * np.pi * fine * rng.uniform(1.6, 1.9)))
     if task == "squat":
         low = rng.uniform(0.10, 0.16) * (1 - np.cos(2 * np.pi * fine * rng.uniform(0.3, 0.5)))
     wanted = np.einsum("kt,kta->ta", share, press)
-    root = np.concatenate([wanted, (ANKLE + 0.87 * leg - low)[:, None]], 1)
+    root = np.concatenate([wanted, (ANKLE + 0.85 * leg - low)[:, None]], 1)
     root[:, :2] = smooth(root[:, :2])
     angles = leaning(rng, task, fine, low)
     for _ in range(TURNS):
@@ -67,10 +67,14 @@ def walker(seed: int, task: str, seconds: float = 5.0, skin: Skin | None = None)
     return with_feet_and_joints(rng, recording, figure, fine, x, m, press, share)
 
 
-def steps(rng: np.random.Generator, t: Array) -> tuple[Array, Array, Array]:
-    """Ankles (2, time, 3) m, places of pressure (2, time, 2) m and shares (2, time) of feet that walk."""
+def steps(rng: np.random.Generator, t: Array, leg: float) -> tuple[Array, Array, Array]:
+    """Ankles (2, time, 3) m, places of pressure (2, time, 2) m and shares (2, time) of feet that walk.
+
+    leg (m): the length of one, to which a step is in proportion.
+    """
     period = rng.uniform(0.5, 0.65)
-    double, stride, half = rng.uniform(0.15, 0.25) * period, rng.uniform(0.5, 0.65), rng.uniform(0.08, 0.11)
+    double, stride = rng.uniform(0.15, 0.25) * period, leg * rng.uniform(0.6, 0.78)
+    half = rng.uniform(0.08, 0.11)
     ankle, press, share = np.zeros((2, len(t), 3)), np.zeros((2, len(t), 2)), np.zeros((2, len(t)))
     first = -rng.uniform(0, 2) * period
     for k, side in enumerate((1.0, -1.0)):
@@ -182,6 +186,14 @@ def pendulum(t: Array, off: Array, height: Array) -> Array:
     return np.asarray(solve_banded((1, 1), bands, quintic(ends)[:, None] * off))
 
 
+def hung_on(first: str) -> list[str]:
+    """A segment and all that hangs on it."""
+    behind = [first]
+    for name, (on, *_) in TABLE.items():
+        behind += [name] if on in behind else []
+    return behind
+
+
 def with_feet_and_joints(
     rng: np.random.Generator,
     recording: Recording,
@@ -209,9 +221,7 @@ def with_feet_and_joints(
     force, moment, point = [], [], []
     for pair in recording.body.joint:
         first = pair.split(" to ")[1]
-        behind = [first]
-        for name, (on, *_) in TABLE.items():
-            behind += [name] if on in behind else []
+        behind = hung_on(first)
         own = [2 * list(TABLE).index(name) + half for name in behind for half in (0, 1)]
         P = figure.start[first]
         F = pull[:, own].sum(1)

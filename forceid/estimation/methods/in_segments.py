@@ -86,13 +86,13 @@ def estimate_mass_points(
 ) -> Solution:
     """Wrench and motion of mass points, all of a body or some: kin, motion and noise are of these.
 
-    misplaced: as of `misplaced_each`; part_of: the priors of all of a body, whose loads are as smooth as those
-    on a part, None where it is all. EstimationError: too few frames show them all.
+    misplaced: as of `misplaced_each`; part_of: the priors of all of a body, whose loads are as smooth as
+    those on a part, None where it is all. EstimationError: too few frames show them all.
     """
     kin = replace(kin, model=SEGMENTS, color=noise.color, shared=None)
     channels, arm = driven_channels(kin, motion, noise)
     tune = partial(tune_channel, limits=AS_IT_IS, lines=(), engine=engine, kind=settings.load_prior)
-    causal, priors, states, others = settings.method == "filter", {}, {}, []
+    causal, priors, states, others = settings.method == "filter", {}, {}, {}
     for load, channel in channels.items():
         with stage("force" if load == "force" else "moment"):
             stated = stated_of(settings, load)
@@ -102,8 +102,8 @@ def estimate_mass_points(
             smooth = tuple(order for order in some if order >= min(least.kernel.order, FREE))
             priors[load] = tune(channel, stated=stated, orders=smooth)
             states[load] = smoothed(channel, priors[load], engine, causal)
-            others.append(smoothed(loud, least, engine, causal).force)
-    state = both(kin, motion, states["force"], states["moment"])
+            others[load] = smoothed(loud, least, engine, causal)
+    state = both(kin, motion, *of_both(states))
     alone = typical_variance(state.wrench_cov)
     with stage("claims"):
         looks = {
@@ -112,7 +112,8 @@ def estimate_mass_points(
             if priors[load].kernel.rivals
         }
         state = grown(state, growth_along_own(state, looks) * noise.size[:, None, None])
-        apart = np.nan_to_num(np.concatenate([state.force, state.moment], 1) - np.concatenate(others, 1))
+        beside = np.concatenate([one.force for one in of_both(others)], 1)
+        apart = np.nan_to_num(np.concatenate([state.force, state.moment], 1) - beside)
         square = apart[:, :, None] * apart[:, None]
         cov = state.wrench_cov + square * np.kron(np.eye(2), np.ones((3, 3)))
         state = replace(state, wrench_cov=cov)
@@ -130,8 +131,21 @@ def estimate_mass_points(
     )
 
 
+def of_both(states: dict[str, FlightState]) -> tuple[FlightState, FlightState]:
+    """What is found of force and of moment; a single mass point has no moment about itself."""
+    force, none = states["force"], np.zeros_like(states["force"].force)
+    still = replace(
+        force, force=none, velocity=none, wrench_cov=np.zeros_like(force.wrench_cov),
+        innovation=force.innovation[:, :0], log_likelihood=0.0,
+    )  # fmt: skip
+    return force, states.get("moment", still)
+
+
 def driven_channels(kin: Kinematics, motion: Motion, noise: SegmentNoise) -> tuple[dict[str, Channel], Array]:
-    """What force and moment drive, by load, and the arms (time, node, 3) m of the mass points."""
+    """What force and moment drive, by load, and the arms (time, node, 3) m of the mass points.
+
+    EstimationError: some frames show all mass, but few.
+    """
     assert motion.position is not None
     mass, known = kin.inertia.weight, None if motion.known is None else motion.known.turned
     Y, arm = swept_momentum(motion.position, mass, known)
@@ -143,10 +157,10 @@ def driven_channels(kin: Kinematics, motion: Motion, noise: SegmentNoise) -> tup
     lost = (filled @ share**2)[:, None, None] * np.eye(3)
     lost_turn = np.einsum("tn,tnab->tab", filled, lever @ lever.mT)
     turning = noise.of_momentum(mass, arm).mean(0)
-    return {
-        "force": replace(force, noise_cov=noise.of_center(mass) + lost, color=noise.color),
-        "moment": Channel(kin.time, Y, 1.0, turning + lost_turn, np.zeros((3, 3)), noise.color),
-    }, arm
+    channels = {"force": replace(force, noise_cov=noise.of_center(mass) + lost, color=noise.color)}
+    if len(mass) > 1:
+        channels["moment"] = Channel(kin.time, Y, 1.0, turning + lost_turn, np.zeros((3, 3)), noise.color)
+    return channels, arm
 
 
 def smoothed(channel: Channel, prior: LoadPrior, engine: Engine, causal: bool) -> FlightState:
@@ -216,7 +230,9 @@ def widened_by_misplaced_mass(
     swept = np.concatenate([np.zeros_like(swept[:1]), np.cumsum(swept, axis=0)])
     T = len(arm)
     force = passed(channels["force"], priors["force"], moved.reshape(T, -1, 3), engine)
-    moment = passed(channels["moment"], priors["moment"], swept.reshape(T, -1, 3), engine)
+    moment = np.zeros_like(force)
+    if "moment" in channels:
+        moment = passed(channels["moment"], priors["moment"], swept.reshape(T, -1, 3), engine)
     lever = np.cross(moved.reshape(T, -1, 3) / m.sum(), state.force[:, None])
     wrench = each * np.concatenate([force, moment + lever], 2)
     cov = np.einsum("tca,tcb->tab", wrench, wrench)

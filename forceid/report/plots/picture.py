@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from PIL import Image
 
 DOTS_PER_INCH = 110  # of a picture ten inches wide: sharp on paper, and seven of them weigh half a megabyte
 
@@ -35,10 +36,12 @@ def pictured(figure: Figure, title: str, caption: str, name: str = "") -> Pictur
 
 
 def png(figure: Figure, dpi: int) -> bytes:
-    """The figure as PNG, on white."""
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=dpi, facecolor="white")
-    return stream.getvalue()
+    """The figure as PNG, on white, in as many colors as a byte tells: a third of the size of all."""
+    drawn, small = io.BytesIO(), io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=dpi, facecolor="white")
+    with Image.open(drawn) as image:
+        image.convert("RGB").quantize(dither=Image.Dither.NONE).save(small, "PNG", optimize=True)
+    return small.getvalue()
 
 
 def in_words(figure: Figure) -> str:
