@@ -113,8 +113,7 @@ def of_files(files: Found) -> list[str]:
         f"CPU time of all processes {files['cpu_s']:.0f} s, of reading and writing the same bytes with "
         f"h5py and of the kernels {files['floor_s']:.0f} s: **{files['ratio']:.2f} times** (asked: at "
         f"most 3). Wall time {files['wall_s']:.0f} s. `--resume` of all: "
-        f"{files['resume_cpu_s']:.0f} s. What is over the stages below is start, handing out, the page, "
-        "and what processes at once, and whatever else runs, take from each other.",
+        f"{files['resume_cpu_s']:.0f} s.",
         f"Stages of the first {SAMPLE} files, one process:", table(each),
     ]  # fmt: skip
 

@@ -34,8 +34,8 @@ ABOUT = """\
 Persons of 12 segments and 52 markers, 5 s at 100 Hz, on whose bones skin and mass tables err; {seeds} a kind
 of motion, tracks raw or low-passed at 12 Hz; `model = "segments"`. First of the force, then of the moment: the
 error over that of the best Butterworth filter, its cut chosen on the truth by axis, and over that of one of
-6 Hz (geometric means over persons and axes), error over claim of all pooled, and the most of it. Then what is
-`ok` or [silently wrong](calibration.md), and CPU a second.
+6 Hz. These are geometric means over persons and axes. Then error over claim of all pooled, and the most of it.
+{silent} are [silently wrong](calibration.md), and the slowest takes {cpu:.2f} s of CPU a second.
 
 {rows}
 
@@ -74,7 +74,7 @@ def kind_rows(kind: tuple[str, float], seeds: int) -> list[dict[str, Any]]:
             rows.append(
                 np.array([off(getattr(estimate, load) - truth), best, off(six[load] - truth), off(std)])
             )
-    said = {"ok": f"{ok}/{seeds}", "silent": f"{sum(silent)}/{seeds}", "CPU (s)": spent}
+    said = {"ok": f"{ok}/{seeds}", "silent": sum(silent), "cpu": spent}
     numbers = [f"{key}{end}" for end in ("", " ") for key in ("best cut", "6 Hz", "claim", "most")]
     both = np.concatenate([of_load(np.array(rows)) for rows in found.values()])
     first = {"motion": task, "tracks": f"{cut:g} Hz" if cut else "raw"}
@@ -164,7 +164,8 @@ def main() -> None:
     rows = [row for rows in each(partial(kind_rows, seeds=given.seeds), kinds, 1) for row in rows]
     on_feet = partial(joint_rows, seeds=given.seeds)
     joints = [row for rows in each(on_feet, [("walk", 0.0), ("squat", 0.0)], 1) for row in rows]
-    about = ABOUT.format(seeds=given.seeds, rows=table(rows))
+    silent, cpu = sum(row.pop("silent") for row in rows), max(row.pop("cpu") for row in rows)
+    about = ABOUT.format(seeds=given.seeds, rows=table(rows), silent=silent, cpu=cpu)
     paged(given.output, "people", "People in segments", f"`{given.command}`", about, table(joints))
 
 

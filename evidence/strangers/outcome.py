@@ -10,8 +10,8 @@ import numpy as np
 from evidence.judged import FAR, LOADS, NEAR, UNKNOWN, Judged, silent_share
 
 HEADS = (
-    "kind", "records", "ok and right", "degraded, within 1.5", "degraded, beyond 3", "silent", "refused",
-    "crashed", "force: error over claim", "moment: error over claim", "CPU (s)",
+    "kind", "records", "ok and right", "degraded, within 1.5", "degraded, beyond 3", "silent",
+    "refused or crashed", "force: error over claim", "moment: error over claim", "CPU (s)",
 )  # fmt: skip
 
 
@@ -56,8 +56,8 @@ def counted(kind: str, of: Sequence[StrangerOutcome]) -> list[str]:
     worst = np.array([j.worst for j in of if j.verdict == "degraded"])
     few = len({j.kind for j in of}) == 1  # whose interval tells nothing
     silent = sum(j.silent for j in of) if few else silent_share(j.silent for j in of)
-    out = [sum(j.verdict == level for j in of) for level in ("refused", "crashed")]
-    numbers = len(of), ok, (worst <= NEAR).sum(), (worst > FAR).sum(), silent, *out
+    out = sum(j.verdict in ("refused", "crashed") for j in of)
+    numbers = len(of), ok, (worst <= NEAR).sum(), (worst > FAR).sum(), silent, out
     middle = []
     for off in np.array([j.over for j in of]).T:
         known = off[np.isfinite(off)]
