@@ -239,10 +239,10 @@ compared
 # %% [markdown]
 # ## 7. Through the joints
 #
-# `joint_loads = true` asks what passes every joint, and `[[foot]]` says where the ground pushes. All that hangs
-# below a knee is a body of its own: what moves it is the knee and the ground. Two feet share the ground by a
-# rule, since motion tells their sum alone. The truth here is Newton's law for shank and foot, with half of
-# the ground on each foot.
+# `joint_loads = true` asks what passes every joint, and `[[foot]]` says where the ground pushes. All that
+# hangs below a knee is a body of its own: what moves it is the knee and the ground. Two feet share the ground
+# by a rule, since motion tells their sum alone. The truth here is Newton's law for shank and foot, with half
+# of the ground on each foot.
 
 # %%
 feet = [{"name": s, "nodes": [f"{s} foot"]} for s in "LR"]
@@ -267,8 +267,8 @@ assert score < 2
 bent
 
 # %% [markdown]
-# The claim is wide, as the pressure may be anywhere under a foot, and a joint is placed to 10 mm. With a plate
-# under each foot (section 8) most of it goes.
+# The claim is wide, as the pressure may be anywhere under a foot, and a joint is placed to 10 mm. With a
+# plate under each foot (section 8) most of it goes.
 #
 # ## 8. Your trial
 #

@@ -32,10 +32,10 @@ TASKS = "walk", "run", "squat", "jump"
 EDGE_FRAMES = 20  # frames at either end that are not judged
 ABOUT = """\
 Persons of 12 segments and 52 markers, 5 s at 100 Hz, on whose bones skin and mass tables err; {seeds} a kind
-of motion, tracks raw or low-passed at 12 Hz; `model = "segments"`. First of the force, then of the moment: the
-error over that of the best Butterworth filter, its cut chosen on the truth by axis, and over that of one of
-6 Hz. These are geometric means over persons and axes. Then error over claim of all pooled, and the most of it.
-{silent} are [silently wrong](calibration.md), and the slowest takes {cpu:.2f} s of CPU a second.
+of motion, tracks raw or low-passed at 12 Hz; `model = "segments"`. First of the force, then of the moment:
+the error over that of the best Butterworth filter, its cut chosen on the truth by axis, and over that of one
+of 6 Hz. These are geometric means over persons and axes. Then error over claim of all pooled, and the most of
+it. {silent} are [silently wrong](calibration.md), and the slowest takes {cpu:.2f} s of CPU a second.
 
 {rows}
 
