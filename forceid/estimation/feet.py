@@ -82,7 +82,7 @@ def split_by_foot(
     pushed = push > SIGMAS * np.sqrt(np.einsum("a,tab,b->t", up, cov[:, :3, :3], up))
     none = pushed & ~touches.any(1)
     touches[none] = (lowest - level)[none] <= np.maximum(FOOT_NEAR, (lowest - level)[none].min(1))[:, None]
-    around = 2 * frames_of(motion.time, STEADY) + 1
+    around = 2 * frames_in(motion.time, STEADY) + 1
     may: Flags = np.asarray(maximum_filter1d(touches, around, axis=0, mode="nearest"))
     shares: Flags = np.asarray(may.all(1))
     alone = touches & ~shares[:, None]
@@ -166,14 +166,14 @@ def share_of(wrench: Array, own: Array, W: Array, cov: Array, up: Array) -> tupl
     return wrench[..., :3] @ up / push[:, None], std
 
 
-def frames_of(time: Array, seconds: float) -> int:
+def frames_in(time: Array, seconds: float) -> int:
     """How many frames a while takes, one at least."""
     return max(1, round(seconds / float(np.median(np.diff(time)))))
 
 
 def touching(time: Array, height: Array, center: Array) -> Flags:
     """Whether feet touch (time, foot): height (time, foot) m above their level, center (time, foot, 3) m."""
-    smooth = uniform_filter1d(center, frames_of(time, STEADY), axis=0, mode="nearest")
+    smooth = uniform_filter1d(center, frames_in(time, STEADY), axis=0, mode="nearest")
     speed = np.linalg.norm(np.gradient(smooth, time, axis=0), axis=2)
     return np.asarray((height < FOOT_NEAR) & (speed < SLOW))
 

@@ -8,7 +8,7 @@ from forceid.config import FootSetting, Settings
 from forceid.errors import ConfigError
 from forceid.estimation.body.tracks.bridging import straight
 from forceid.estimation.feet import LEVEL, feet_of, filled, split_by_foot
-from forceid.estimation.joints.segments import Ground
+from forceid.estimation.joints.segments import FootWrench
 from forceid.estimation.known.loads import KnownLoad, known_loads
 from forceid.estimation.known.removal import path_through, wrench_of
 from forceid.estimation.methods.problem import Solution
@@ -17,7 +17,7 @@ from forceid.records import Array, Indices, Recording
 UNDER = 0.3  # m: a foot is no longer, so that what is farther from it is not under it
 
 
-def ground_on_feet(recording: Recording, settings: Settings, whole: Solution) -> tuple[Ground, ...]:
+def ground_on_feet(recording: Recording, settings: Settings, whole: Solution) -> tuple[FootWrench, ...]:
     """The wrench on every foot, about the mass center; whole: the solution, beside loads that are known.
 
     ConfigError: the body names no feet, or a known load is under none of them.
@@ -34,7 +34,7 @@ def ground_on_feet(recording: Recording, settings: Settings, whole: Solution) ->
         if split is None:
             what = "asks what passes the joints of a person without gravity, or whose feet are never seen"
             raise ConfigError(what, "joint_loads", "give gravity, and markers on both feet")
-        return tuple(Ground(own, split.wrench[:, k], split.cov[:, k]) for k, own in enumerate(nodes))
+        return tuple(FootWrench(own, split.wrench[:, k], split.cov[:, k]) for k, own in enumerate(nodes))
     return on_plates(recording, feet, nodes, loads, whole)
 
 
@@ -44,7 +44,7 @@ def on_plates(
     nodes: list[Indices],
     loads: tuple[KnownLoad, ...],
     whole: Solution,
-) -> tuple[Ground, ...]:
+) -> tuple[FootWrench, ...]:
     """Feet with the loads that are known under them; one without any has what else acts on the body."""
     time, state = recording.motion.time, whole.state
     assert recording.motion.position is not None
@@ -62,7 +62,7 @@ def on_plates(
         cov[k] += error
     for k in set(range(len(feet))) - set(under):
         wrench[k], cov[k] = np.concatenate([state.force, state.moment], 1), state.wrench_cov
-    return tuple(Ground(own, wrench[k], cov[k]) for k, own in enumerate(nodes))
+    return tuple(FootWrench(own, wrench[k], cov[k]) for k, own in enumerate(nodes))
 
 
 def foot_over(load: KnownLoad, time: Array, middle: Array) -> int:

@@ -22,7 +22,8 @@ from forceid.estimation.body.cleaning import prepared
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.segment_noise import SegmentPoses, joint_gaps, segment_noise, segment_poses
 from forceid.estimation.body.tracks.bridging import straight
-from forceid.estimation.methods.in_segments import estimate_mass_points, misplaced_each
+from forceid.estimation.methods.in_segments import estimate_mass_points
+from forceid.estimation.methods.misplaced_mass import misplaced_each
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.finding import judge
 from forceid.kalman.engines import engine
@@ -34,7 +35,7 @@ JOINT_STD = 0.01  # m, each axis: by which tables and markers misplace the middl
 
 
 @dataclass(frozen=True)
-class Ground:
+class FootWrench:
     """What the ground gives a foot: its nodes, wrench (time, 6) about the mass center of all, and cov."""
 
     nodes: Indices
@@ -44,7 +45,7 @@ class Ground:
 
 @stage("joints")
 def segment_joints(
-    recording: Recording, settings: Settings, whole: Solution, ground: Sequence[Ground], verdict: Verdict
+    recording: Recording, settings: Settings, whole: Solution, ground: Sequence[FootWrench], verdict: Verdict
 ) -> Interface:
     """Force and moment of every joint that parts a body of segments in two, on its second segment.
 
@@ -61,7 +62,7 @@ def segment_joints(
     misplaced = misplaced_each(kin.inertia.weight, noise, settings)
     placed = (settings.body_std.joint or JOINT_STD) ** 2 + 0.5 * noise.var * noise.size[:, None] ** 2
     sides = lighter_sides(body, poses, noise.owner, kin.inertia.weight)
-    point, gap = places(body, motion.time, poses)
+    point, gap = joint_places(body, motion.time, poses)
     wrench, covs = [], []
     for own, at, (_, second) in zip(sides, point, body.joint_segment.astype(int), strict=True):
         moved = np.asarray(own & (kin.inertia.weight > 0))
@@ -119,7 +120,7 @@ def of_some(kin: Kinematics, motion: Motion, own: Flags) -> tuple[Kinematics, Mo
     return replace(kin, inertia=inertia, pose=pose), replace(motion, position=x, bridged=filled)
 
 
-def places(body: Body, time: Array, poses: SegmentPoses) -> tuple[list[Array], Array]:
+def joint_places(body: Body, time: Array, poses: SegmentPoses) -> tuple[list[Array], Array]:
     """Where every joint is (time, 3) m, halfway between both views, and these apart (time, joint, 3) m."""
     assert body.joint_segment is not None
     assert body.joint_shape is not None

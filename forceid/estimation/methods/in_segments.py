@@ -4,10 +4,6 @@ All mass is seen at mass points, so force and moment each drive a linear channel
 arms sweep about it, under the errors of segments that joint gaps show. Nothing turns as a whole that a load
 could turn with, so no lines are searched.
 
-Tables misplace mass. A segment whose mass center is off by d, in its own axes, adds m R d to the sum that the
-force drives, and what that sweeps to the one that the moment drives; the smoother of each load makes of it
-what it makes of the rest. The moment is about a mass center that is off as well: a lever of the force.
-
 Joint gaps tell the errors of segments to a factor, and their color in the mean of each octave. What errors
 are more of where no load is left would make a load rough, so that it lets through the errors of all slower
 ones as well: no load is rougher than under errors as large as those of the loudest joint.
@@ -26,29 +22,28 @@ from forceid.errors import EstimationError
 from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.body.segment_noise import SegmentNoise, SegmentPoses, segment_noise, segment_poses
-from forceid.estimation.body.tracks.bridging import straight
 from forceid.estimation.loads.channels import LEAST_FRAMES, force_channel, swept_momentum, tune_channel
 from forceid.estimation.loads.hidden.left_out import hidden_load
 from forceid.estimation.loads.hidden.misfit import shown_misfit, typical_variance
 from forceid.estimation.loads.hidden.order_uncertainty import grown, growth_along_own
 from forceid.estimation.loads.hidden.whitened import whitened
+from forceid.estimation.methods.misplaced_mass import misplaced_each, widened_by_misplaced_mass
 from forceid.estimation.methods.problem import Solution, named
 from forceid.estimation.methods.tuning import stated_of
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight
-from forceid.flight.priors.protocol import LoadPrior, channel_model
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_translation
 from forceid.flight.tuning import FREE, ORDERS
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import mean_square
 from forceid.principal import cross_matrix
-from forceid.records import Array, Body, Flags, Indices, Motion
+from forceid.records import Array, Body, Flags, Motion
 from forceid.rounding import SINGLE
 from forceid.timing import stage
 
 SEGMENTS = "segments"  # the model
 AS_IT_IS = (1.0, 1.0)  # factors on a noise that is measured: none
-CENTER_STD = 0.01  # m, each axis: by which tables misplace the mass center of a person
 
 
 def estimate_in_segments(
@@ -64,14 +59,6 @@ def estimate_in_segments(
         return None
     misplaced = misplaced_each(kin.inertia.weight, noise, settings)
     return estimate_mass_points(kin, motion, noise, poses, misplaced, settings, engine)
-
-
-def misplaced_each(mass: Array, noise: SegmentNoise, settings: Settings) -> float:
-    """By how much the mass center of each segment is off along an axis (m), if all are off alike, and the
-    mass center of all, of nodes of masses (node,), by what is known of it.
-    """
-    part = np.bincount(noise.owner, mass) / mass.sum()
-    return float((settings.body_std.mass_center or CENTER_STD) / np.sqrt(part @ part))
 
 
 def estimate_mass_points(
@@ -202,55 +189,3 @@ def both(kin: Kinematics, motion: Motion, force: FlightState, moment: FlightStat
         wrench_cov=wrench_cov, pose_cov=pose_cov, innovation=innovation, nis=mean_square(innovation),
         log_likelihood=force.log_likelihood + moment.log_likelihood,
     )  # fmt: skip
-
-
-def widened_by_misplaced_mass(
-    state: FlightState,
-    channels: dict[str, Channel],
-    priors: dict[str, LoadPrior],
-    poses: SegmentPoses,
-    own: Indices,
-    mass: Array,
-    arm: Array,
-    each: float,
-    engine: Engine,
-) -> FlightState:
-    """The state with a wrench that claims what misplaced mass of segments makes of it.
-
-    own (node,): the segment of each node; mass (node,) kg, arm (time, node, 3) m from the mass center; each
-    (m): by which the mass center of a segment is off, along each of its axes.
-    """
-    m = np.bincount(own, mass, len(poses.segment))
-    moved = m[:, None, None] * steady(channels["force"].time, poses.rotation).swapaxes(2, 3)  # (.., d, world)
-    u = np.stack(
-        [np.einsum("n,tna->ta", mass[own == k], arm[:, own == k]) / max(m[k], 1e-300) for k in range(len(m))],
-        1,
-    )
-    swept = np.cross(moved[:-1], u[1:, :, None]) + np.cross(u[:-1, :, None], moved[1:])
-    swept = np.concatenate([np.zeros_like(swept[:1]), np.cumsum(swept, axis=0)])
-    T = len(arm)
-    force = passed(channels["force"], priors["force"], moved.reshape(T, -1, 3), engine)
-    moment = np.zeros_like(force)
-    if "moment" in channels:
-        moment = passed(channels["moment"], priors["moment"], swept.reshape(T, -1, 3), engine)
-    lever = np.cross(moved.reshape(T, -1, 3) / m.sum(), state.force[:, None])
-    wrench = each * np.concatenate([force, moment + lever], 2)
-    cov = np.einsum("tca,tcb->tab", wrench, wrench)
-    return replace(state, wrench_cov=state.wrench_cov + np.nan_to_num(cov))
-
-
-def passed(channel: Channel, prior: LoadPrior, signals: Array, engine: Engine) -> Array:
-    """The load (time, signal, 3) that the smoother of a channel finds in signals (time, signal, 3) of it."""
-    z = channel.gain * (signals - signals[:1])
-    z = np.where(np.isfinite(channel.z)[:, None], z, np.nan)
-    _, states = engine.filter_and_smooth_states(channel_model(channel, prior), z)
-    return np.asarray(states[..., : prior.states] @ prior.rows.T)
-
-
-def steady(time: Array, rotation: Array) -> Array:
-    """Rotations (time, segment, 3, 3) with straight lines in their gaps, the identity where never seen."""
-    out = np.array(rotation)
-    for k in range(rotation.shape[1]):
-        seen = np.isfinite(rotation[:, k]).all((1, 2))
-        out[:, k] = straight(time, time[seen], rotation[seen, k]) if seen.any() else np.eye(3)
-    return out
