@@ -22,10 +22,9 @@ from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
 import forceid
-from evidence.written import asked, paged, table
+from evidence.written import asked, paged, pictured, table
 from forceid.config import load_settings
 from forceid.estimation.live.run import followed_live, live_pace
-from forceid.files.stored.atomic import atomic
 from forceid.records import Body, LiveWrench, Motion, Recording
 
 SCENES = ("flexible_boomerang", "frisbee", "top")
@@ -187,8 +186,7 @@ def drawn(output: Path, found: dict[str, dict[float, dict[str, float]]]) -> None
         axes.spines[["top", "right"]].set_visible(False)
     figure.axes[0].set_ylabel("error over that of the smoother")
     figure.axes[1].legend(frameon=False, fontsize=9, loc="upper right")
-    with atomic(output / "live.png") as partial:
-        figure.savefig(partial, format="png", metadata={"Software": None})
+    pictured(output, "live", figure, dpi=120)
 
 
 def main() -> None:

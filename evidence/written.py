@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from forceid.files.stored.atomic import atomic, write_whole
+from forceid.report.plots.picture import png
 
 
 def asked(module: str, about: str | None, page: bool = True, **options: Any) -> argparse.Namespace:
@@ -95,8 +96,8 @@ def paged(folder: Path, name: str, title: str, *parts: str) -> None:
 
 
 def pictured(folder: Path, name: str, figure: Any, dpi: int = 160) -> Path:
-    """A figure as NAME.png in a folder."""
+    """A figure as NAME.png in a folder, in as many colors as a byte tells."""
     folder.mkdir(parents=True, exist_ok=True)
     with atomic(folder / f"{name}.png") as partial:
-        figure.savefig(partial, format="png", dpi=dpi, facecolor="white")
+        Path(partial).write_bytes(png(figure, dpi))
     return folder / f"{name}.png"
