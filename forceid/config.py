@@ -52,10 +52,12 @@ class KnownLoadSetting(Section):
     force (N) and moment (N m) about `point`, which is a node, several nodes that share the force evenly, the
     mass center, or three coordinates in meters. `axes`: "world" keeps vectors and coordinates fixed in space,
     "body" turns them with the mean rotation. force_std, moment_std: standard deviation of each component, of
-    an error that may last. A series has its own point and covariance where the file gives them.
+    an error that may last. A series has its own point and covariance where the file gives them. part: that it
+    acts on, of a body in parts.
     """
 
     name: str
+    part: str | None = None
     force: Vector | None = None
     moment: Vector | None = None
     point: str | Vector | tuple[str, ...] = "mass_center"

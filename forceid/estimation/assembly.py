@@ -112,7 +112,12 @@ def assemble(
         *judge_answers(kin, solution.deformation),
         *further,
     ]
-    shared = None if known else split_by_foot(feet, recording.body.node, motion, solution.state)
+    whole = np.concatenate([state.force, state.moment], 1)
+    shared = (
+        None
+        if known
+        else split_by_foot(feet, recording.body.node, motion, state.center, whole, state.wrench_cov)
+    )
     result = Estimate(
         time=motion.time, force=wrench[:, :3], moment=wrench[:, 3:], wrench_cov=cov, center=state.center,
         velocity=state.velocity, orientation=canonical_quaternions(rotation), angular_velocity=state.omega,

@@ -18,7 +18,6 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from forceid.config import FootSetting
 from forceid.errors import ConfigError
-from forceid.flight.smoother import FlightState
 from forceid.principal import transport_matrix
 from forceid.records import Array, Feet, Flags, Motion
 from forceid.significance import SIGMAS
@@ -63,9 +62,17 @@ class FootLoads:
 
 
 def split_by_foot(
-    feet: tuple[FootSetting, ...], node: tuple[str, ...], motion: Motion, state: FlightState
+    feet: tuple[FootSetting, ...],
+    node: tuple[str, ...],
+    motion: Motion,
+    center: Array,
+    W: Array,
+    cov: Array,
 ) -> FootLoads | None:
-    """What the ground gives each of two feet, with covariance; None without feet, gravity or their tracks."""
+    """What the ground gives each of two feet, with covariance; None without feet, gravity or their tracks.
+
+    center (time, 3) m of the mass, W (time, 6) all that acts about it beside the weight, with cov.
+    """
     if len(feet) != 2 or motion.position is None or not motion.gravity.any():
         return None
     up = -motion.gravity / np.linalg.norm(motion.gravity)
@@ -77,8 +84,7 @@ def split_by_foot(
     level = np.quantile(lowest, LEVEL, axis=0)
     middle = np.stack([x.mean(1) for x in points], 1)
     touches = touching(motion.time, lowest - level, middle)
-    W, cov = np.concatenate([state.force, state.moment], 1), state.wrench_cov
-    push = state.force @ up
+    push = W[:, :3] @ up
     pushed = push > SIGMAS * np.sqrt(np.einsum("a,tab,b->t", up, cov[:, :3, :3], up))
     none = pushed & ~touches.any(1)
     touches[none] = (lowest - level)[none] <= np.maximum(FOOT_NEAR, (lowest - level)[none].min(1))[:, None]
@@ -92,7 +98,7 @@ def split_by_foot(
     both = np.flatnonzero(shares)
     if len(both):
         sole = middle[both] + up * (level.mean() - middle[both] @ up)[..., None]
-        arm = sole - state.center[both, None]
+        arm = sole - center[both, None]
         reach = np.array([one.reach for one in feet])
         spread = reach[:, None, None] ** 2 * np.stack([pressed(x[both], up) for x in points], 1)
         wrench[both], own[both] = shared(W[both], cov[both], arm, up, spread)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -36,7 +37,7 @@ from forceid.estimation.routes import (
     moves_in_segments,
     of_segments,
 )
-from forceid.estimation.standing import ground_on_feet
+from forceid.estimation.standing import ground_on_feet, told_on_parts
 from forceid.estimation.stated import (
     as_shown,
     check_stiffness,
@@ -84,7 +85,8 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
             # with forceid.partition: only bodies in parts pay for it
             from forceid.estimation.joints.forces import joint_forces
 
-            result = replace(result, interface=joint_forces(recording, settings, estimate_whole))
+            told = partial(told_on_parts, recording, settings)
+            result = replace(result, interface=joint_forces(recording, settings, estimate_whole, told))
         elif settings.joint_loads and solution is not None:
             result = replace(result, interface=loads_of_joints(recording, settings, solution, result.verdict))
     return replace(

@@ -6,13 +6,16 @@ import numpy as np
 
 from forceid.config import FootSetting, Settings
 from forceid.errors import ConfigError
+from forceid.estimation.body.kinematics import rotations
 from forceid.estimation.body.tracks.bridging import straight
 from forceid.estimation.feet import LEVEL, feet_of, filled, split_by_foot
+from forceid.estimation.joints.parts import Part, part_of_foot
 from forceid.estimation.joints.segments import FootWrench
-from forceid.estimation.known.loads import KnownLoad, known_loads
+from forceid.estimation.known.loads import KnownLoad, known_loads, loads_on_part
 from forceid.estimation.known.removal import path_through, wrench_of
 from forceid.estimation.methods.problem import Solution
-from forceid.records import Array, Indices, Recording
+from forceid.principal import transport, transport_cov
+from forceid.records import Array, Estimate, Indices, Recording
 
 UNDER = 0.3  # m: a foot is no longer, so that what is farther from it is not under it
 
@@ -30,7 +33,9 @@ def ground_on_feet(recording: Recording, settings: Settings, whole: Solution) ->
         what = "asks what passes the joints of a body whose feet are not known"
         raise ConfigError(what, "joint_loads", "give a [[foot]] for each of two feet")
     if not loads:
-        split = split_by_foot(feet, body.node, motion, whole.state)
+        state = whole.state
+        W = np.concatenate([state.force, state.moment], 1)
+        split = split_by_foot(feet, body.node, motion, state.center, W, state.wrench_cov)
         if split is None:
             what = "asks what passes the joints of a person without gravity, or whose feet are never seen"
             raise ConfigError(what, "joint_loads", "give gravity, and markers on both feet")
@@ -79,3 +84,39 @@ def foot_over(load: KnownLoad, time: Array, middle: Array) -> int:
         what = f"{load.name} is under no foot, or not under one alone"
         raise ConfigError(what, "known_load", "part it by foot, or leave out joint_loads")
     return int(np.argmax(part))
+
+
+def told_on_parts(
+    recording: Recording, settings: Settings, parts: tuple[Part, ...], estimates: list[Estimate]
+) -> tuple[Array, Array] | None:
+    """Wrenches (time, part, 6) about the centers of parts, of loads that are known and of the ground on feet
+    by the rule, and their covariances (time, part, 6, 6); None where nothing is told of any.
+    """
+    if not settings.foot and not settings.known_load and recording.known_loads is None:
+        return None
+    time = recording.motion.time
+    wrench, cov = np.zeros((len(time), len(parts), 6)), np.zeros((len(time), len(parts), 6, 6))
+    for k, (part, found) in enumerate(zip(parts, estimates, strict=True)):
+        path = path_through(time, found.center, rotations(found.orientation))
+        for load in loads_on_part(recording, part.recording, settings, part.name):
+            own, error, _ = wrench_of(load, time, path)
+            wrench[:, k] += own
+            cov[:, k] += error
+    feet = feet_of(settings.foot, recording.body.node) if settings.foot else ()
+    over = [part_of_foot(foot, parts) for foot in feet]
+    if feet:
+        mass = np.array([part.mass for part in parts])
+        each = np.stack([found.center for found in estimates], 1)
+        center = np.einsum("p,tpa->ta", mass / mass.sum(), each)
+        arm = each - center[:, None]
+        moved = np.stack([np.concatenate([e.force, e.moment], 1) for e in estimates], 1) - wrench
+        errors = np.stack([e.wrench_cov for e in estimates], 1) + cov
+        W, C = transport(moved, arm).sum(1), transport_cov(errors, arm).sum(1)
+        split = split_by_foot(feet, recording.body.node, recording.motion, center, W, C)
+        if split is None:
+            what = "stand on no ground: gravity is zero, or they are never seen"
+            raise ConfigError(what, "foot", "give gravity, and markers on both feet")
+        for k, one in enumerate(over):
+            wrench[:, one] += transport(split.wrench[:, k], -arm[:, one])
+            cov[:, one] += transport_cov(split.cov[:, k], -arm[:, one])
+    return wrench, cov

@@ -9,7 +9,8 @@ import pytest
 
 from forceid.config import FootSetting, load_settings
 from forceid.errors import ConfigError
-from forceid.estimation.feet import feet_of, split_by_foot
+from forceid.estimation import feet as rule
+from forceid.estimation.feet import feet_of
 from forceid.estimation.run import estimate_recording
 from forceid.files.formats.sources import import_sources
 from forceid.files.result import read_result, write_result
@@ -22,6 +23,11 @@ REAL = Path(os.environ.get("FORCEID_REAL", ROOT / "none")) / "jump_squat_mocap_p
 NODES = ("left_foot", "right_foot", "trunk")
 FEET = feet_of((), NODES)
 STD = np.array([2.0, 2.0, 5.0, 1.0, 1.0, 1.0])  # N, N m
+
+
+def split_by_foot(feet, nodes, motion, state):
+    whole = np.concatenate([state.force, state.moment], 1)
+    return rule.split_by_foot(feet, nodes, motion, state.center, whole, state.wrench_cov)
 
 
 def walking(seed, reach=0.05):

@@ -23,21 +23,28 @@ from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge, refusing
 from forceid.partition import link_resultants
+from forceid.principal import transport, transport_cov
 from forceid.records import Array, Estimate, Finding, Flags, Interface, Level, Recording, Verdict
 from forceid.significance import SIGMAS, WILD
 from forceid.timing import stage
 
 SolveRecording = Callable[[Recording, Settings], tuple[Estimate, Solution | None]]
+# wrenches (time, part, 6) about the centers of parts that are told, and covariances (time, part, 6, 6)
+Told = Callable[[tuple[Part, ...], list[Estimate]], tuple[Array, Array] | None]
 
 
 @stage("joints")
-def joint_forces(recording: Recording, settings: Settings, solve: SolveRecording) -> Interface:
+def joint_forces(
+    recording: Recording, settings: Settings, solve: SolveRecording, told: Told | None = None
+) -> Interface:
     """Wrench of every joint in the settings, from each part estimated by `solve` as a body of its own.
 
+    told: loads from outside that are known, or follow from a rule. Parts with such are not smoothed together,
+    as a load that begins with a step of a foot has no place among those of joints.
     Raises ConfigError for parts and joints that do not fit the recording; where a part is refused all is NaN.
     """
     parts, joints = parts_of(recording, settings)
-    own = {"part": (), "joint": (), "load": (), "moment_about": "mass_center"}
+    own = {"part": (), "joint": (), "load": (), "known_load": (), "foot": (), "moment_about": "mass_center"}
     if settings.load_axes == "auto":  # what a joint passes stands in the axes of either part, or of none
         own["load_axes"] = "world"
     alone = settings.model_copy(update=own)
@@ -60,13 +67,18 @@ def joint_forces(recording: Recording, settings: Settings, solve: SolveRecording
         return refused([*findings, note("part-without-moment", part=blind[0])])
     linkage = linkage_of(parts, joints, estimates, [solution for _, solution in solved])
     wrench, cov = about_center(linkage, estimates)
+    outside = None if told is None else told(parts, estimates)
+    if outside is not None:
+        wrench = wrench - transport(outside[0], linkage.arms)
+        cov = cov + transport_cov(outside[1], linkage.arms)
     found = link_resultants(linkage.links, -wrench, cov, linkage.passes)
     g, C = found.wrench, found.joint_cov
     assert C is not None
     together = None
     solutions = [solution for _, solution in solved]
     misfit = found.chi_square[np.isfinite(found.chi_square)]
-    if not found.dof or not misfit.size or misfit.mean() < WILD**2 * found.dof:  # else they contradict
+    contradict = found.dof and misfit.size and misfit.mean() >= WILD**2 * found.dof
+    if outside is None and not contradict:
         together, said = smooth_linked_parts(linkage, parts, joints, estimates, solutions, settings)
         findings += said
     if together is not None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from forceid.config import JointSetting, PartSetting, Settings
+from forceid.config import FootSetting, JointSetting, PartSetting, Settings
 from forceid.errors import ConfigError
 from forceid.estimation.body.inertia import inertia_of
 from forceid.motion import pose_rank
@@ -82,10 +82,33 @@ def parts_of(recording: Recording, settings: Settings) -> tuple[tuple[Part, ...]
     joints = tuple(joint_of(joint, names, body) for joint in settings.joint)
     held = {k for joint in joints for k in (joint.before, joint.behind)}
     if loose := [name for k, name in enumerate(names) if k not in held]:
-        raise ConfigError(
-            "is held by no joint", f"part {loose[0]}", "name it in a [[joint]], or leave it out"
-        )
+        what, next_step = "is held by no joint", "name it in a [[joint]], or leave it out"
+        raise ConfigError(what, f"part {loose[0]}", next_step)
+    check_known(recording, settings, names)
+    for foot in settings.foot:
+        part_of_foot(foot, parts)
     return parts, joints
+
+
+def check_known(recording: Recording, settings: Settings, parts: list[str]) -> None:
+    """Every known load is of one of these parts."""
+    stored, asked = recording.known_loads, {load.name: load.part for load in settings.known_load}
+    for name in (*asked, *(() if stored is None else stored.name)):
+        if asked.get(name) not in parts:
+            what, every = f"{name}: does not say which part it acts on", ", ".join(parts)
+            raise ConfigError(what, "known_load", f"add part, one of {every}, to its [[known_load]]")
+    if stored is not None and stored.nodal_force is not None:
+        what = "holds forces on all nodes, expected loads by name beside parts"
+        raise ConfigError(what, "/load_known", "sum them by part, or estimate the body as a whole")
+
+
+def part_of_foot(foot: FootSetting, parts: Sequence[Part]) -> int:
+    """The part that holds all nodes of a foot."""
+    own = [k for k, part in enumerate(parts) if set(foot.nodes) <= set(part.recording.body.node)]
+    if not own or parts[own[0]].external:
+        what = f"{foot.name}: its nodes are not of one part, or that has loads from outside to be found"
+        raise ConfigError(what, "foot", "name nodes of one part, without external = true")
+    return own[0]
 
 
 def part_of(setting: PartSetting, nodes: Indices, recording: Recording) -> Part:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -43,9 +44,6 @@ def known_loads(recording: Recording, settings: Settings) -> tuple[KnownLoad, ..
     asked = {load.name: load for load in settings.known_load}
     if not asked and stored is None:
         return ()
-    if settings.part:
-        what = "stands beside [[part]]: which part it acts on is not said"
-        raise ConfigError(what, "known_load", "estimate the body as a whole, or leave the known loads out")
     if motion.position is None and motion.center is None:
         what = "needs a motion that shows where the body is, expected markers or a mean motion"
         kind, where = (ConfigError, "known_load") if stored is None else (DataError, "/load_known")
@@ -59,6 +57,23 @@ def known_loads(recording: Recording, settings: Settings) -> tuple[KnownLoad, ..
     if stored is not None and stored.nodal_force is not None:
         found.append(on_nodes(stored.time, stored.nodal_force, body, center))
     return tuple(found)
+
+
+def loads_on_part(
+    recording: Recording, own: Recording, settings: Settings, part: str
+) -> tuple[KnownLoad, ...]:
+    """The known loads that act on one part of a body, whose recording is `own`."""
+    stored = recording.known_loads
+    here = {load.name: load for load in settings.known_load if load.part == part}
+    if stored is not None:
+        series = [k for k, name in enumerate(stored.name) if name in here]
+        fields = "force", "moment", "wrench_cov", "point"
+        kept: dict[str, Any] = {
+            f: None if (a := getattr(stored, f)) is None else a[:, series] for f in fields
+        }
+        stored = replace(stored, name=tuple(stored.name[k] for k in series), **kept) if series else None
+    alone = settings.model_copy(update={"known_load": tuple(here.values()), "part": (), "joint": ()})
+    return known_loads(replace(own, known_loads=stored), alone)
 
 
 def of_file(

@@ -6,13 +6,16 @@ The recursion of a textbook (Winter, Biomechanics and Motor Control of Human Mov
 accelerations by differences of these forms, and shares nothing with the estimate.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from forceid.config import load_settings
+from forceid.config import KnownLoadSetting, load_settings
+from forceid.errors import ConfigError
 from forceid.estimation.run import estimate_recording
-from forceid.records import Body, Motion, Recording
+from forceid.records import Body, KnownLoads, Motion, Recording
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 RATE, NOISE, SAMPLES = 100.0, 1e-3, 110  # Hz, m
@@ -127,6 +130,52 @@ def test_the_recursion_ends_with_all_of_the_weight_in_the_mean():
     force, _ = recursion(t, 0)
     above = sum(SEGMENTS[n][0] for n in NAMES[1:])
     assert np.allclose(force[:-1, 0].mean(0), [0, 0, 9.81 * above], atol=0.01 * 9.81 * above)
+
+
+def on_a_plate(recording, settings, t, seed):
+    """The same whose ground load is measured by a plate, in place of being found."""
+    force, moment = recursion(t, seed)
+    near, R = posed(t, seed)
+    c, mass = near["shank"] + R["shank"] @ center_of("shank"), SEGMENTS["shank"][0]
+    h = 2e-4
+
+    def at(s):
+        near, R = posed(s, seed)
+        return near["shank"] + R["shank"] @ center_of("shank"), R["shank"]
+
+    (before, Rb), (here, Rh), (after, Ra) = at(t - h), at(t), at(t + h)
+    omega = Rotation.from_matrix(Ra @ Rb.mT).as_rotvec() / (2 * h)
+    spin = np.einsum("tab,bc,tdc,td->ta", Rh, inertia("shank"), Rh, omega)
+    rate = np.gradient(spin, t, axis=0)
+    knee = near["thigh"]
+    ground = mass * ((after - 2 * here + before) / h**2 - GRAVITY) + force[:, 0]
+    about = rate + moment[:, 0] + np.cross(knee - c, force[:, 0]) + np.cross(c, ground)
+    loads = KnownLoads(t, ("plate",), ground[:, None], about[:, None], point=np.zeros((len(t), 1, 3)))
+    parts = [p.model_copy(update={"external": False}) for p in settings.part]
+    plate = KnownLoadSetting(name="plate", part="shank")
+    told = settings.model_copy(update={"part": tuple(parts), "known_load": (plate,)})
+    return replace(recording, known_loads=loads), told
+
+
+def test_a_plate_under_a_part_takes_the_place_of_the_load_on_it():
+    recording, settings, t = walked(0)
+    found = estimate_recording(*on_a_plate(recording, settings, t, 0)).interface
+    for true, loads, std in zip(
+        recursion(t, 0), (found.force, found.moment), (found.force_std, found.moment_std), strict=True
+    ):
+        error = (loads - true)[INNER]
+        assert np.sqrt((error**2).mean()) < 0.1 * np.sqrt((true[INNER] ** 2).mean())
+        assert np.sqrt((error**2).mean()) < 1.5 * np.sqrt((std[INNER] ** 2).mean())
+    assert found.dof == 6
+
+
+def test_a_known_load_beside_parts_says_on_which_it_acts():
+    recording, settings, t = walked(0)
+    beside, told = on_a_plate(recording, settings, t, 0)
+    for part in (None, "arm"):
+        plate = KnownLoadSetting(name="plate", part=part)
+        with pytest.raises(ConfigError, match="does not say which part"):
+            estimate_recording(beside, told.model_copy(update={"known_load": (plate,)}))
 
 
 @pytest.mark.long
