@@ -73,7 +73,8 @@ def summary(record: dict[str, Any]) -> str:
     lines += [wrap(f"       - {note}") for note in fit["notes"]]
     for one in record["coefficient"]:
         ends = f"95 %: {one['low']:.6g} to {one['high']:.6g}"
-        lines.append(f"{one['name']:22} {one['value']:.6g} +- {one['std']:.2g}, {ends}")
+        apart = f"; scatter {one['scatter']:.2g}" if "scatter" in one else ""
+        lines.append(f"{one['name']:22} {one['value']:.6g} +- {one['std']:.2g}, {ends}{apart}")
     if record["left_out"]:
         lines.append(wrap(f"left out {', '.join(record['left_out'])}: evidence asks for none of them"))
     for one in flights:

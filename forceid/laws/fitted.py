@@ -31,8 +31,9 @@ class Replay:
 class FittedLaw:
     """Coefficients (term,) by name with covariance, interval and what was left out.
 
-    factor: deviations in an interval of 95 %; gain: of every candidate, chi-square less its price that it
-    brings to the terms kept, above zero for those; spread: tests of the residuals; replays: a flight each.
+    factor (term,): deviations in an interval of 95 %; gain: of every candidate, chi-square less its price
+    that it brings to the terms kept, above zero for those; spread: tests of the residuals; replays: a flight
+    each.
     """
 
     aero: AeroSetting | None
@@ -40,7 +41,7 @@ class FittedLaw:
     name: tuple[str, ...]
     value: Array
     cov: Array
-    factor: float
+    factor: Array
     candidates: tuple[str, ...]
     gain: Array
     spread: Spread
@@ -75,14 +76,14 @@ class FittedLaw:
             )
         if self.spread.between < DENIED:
             said.append(
-                "the flights are further apart than their noise: intervals go by their scatter; "
-                "check what differs between them"
+                "the flights are further apart than their noise: intervals go by how coefficients scatter "
+                "from flight to flight; check what differs between them"
             )
         return tuple(said)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values by name, as files and --json hold them."""
-        columns = zip(self.name, self.value, self.std, self.low, self.high, strict=True)
+        columns = zip(self.name, self.value, self.std, self.low, self.high, self.spread.scatter, strict=True)
         return {
             **{
                 n: of.model_dump(mode="json", exclude_none=True)
@@ -91,7 +92,8 @@ class FittedLaw:
             },
             "coefficient": [
                 {"name": n, "value": float(v), "std": float(s), "low": float(a), "high": float(b)}
-                for n, v, s, a, b in columns
+                | ({"scatter": float(apart)} if np.isfinite(apart) else {})
+                for n, v, s, a, b, apart in columns
             ],
             "covariance": dict(zip(self.name, self.cov.tolist(), strict=True)),
             "left_out": {

@@ -10,9 +10,7 @@ A = C J^T of the residuals on the coefficients, the claim becomes sum over lines
 a smoothed spectrum; White 1980, Newey and West 1987).
 
 Between flights. Under one law the scores of G flights are apart by their information alone. Where they are
-further apart, the coefficients differ from flight to flight, and the claim goes by how far they move as one
-flight after the other is left out (the jackknife over clusters; Bell and McCaffrey 2002), with the quantile
-of Student's t of G - 1.
+further apart, the coefficients differ from flight to flight, by as much as is likeliest (see `scatter`).
 """
 
 from __future__ import annotations
@@ -20,9 +18,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2, norm, t
+from scipy.stats import chi2, norm
 
 from forceid.laws.fitting import START, Fit
+from forceid.laws.scatter import scatter_of
 from forceid.records import Array
 from forceid.significance import DENIED
 
@@ -34,13 +33,15 @@ HALF = 0.975  # quantile of intervals of 95 %
 
 @dataclass(frozen=True)
 class Spread:
-    """cov (term, term) of the coefficients; factor: of deviations in an interval of 95 %; within and between:
-    chances that an honest law has residuals as far from white, and flights as far apart; bands (band,): power
-    of the residuals, lowest frequencies first, over what was stated.
+    """cov (term, term) of the coefficients; factor (term,): of deviations in an interval of 95 %; scatter
+    (term,): standard deviations of the coefficients from flight to flight, NaN of few flights; within and
+    between: chances that an honest law has residuals as far from white, and flights as far apart; bands
+    (band,): power of the residuals, lowest frequencies first, over what was stated.
     """
 
     cov: Array
-    factor: float
+    factor: Array
+    scatter: Array
     within: float
     between: float
     bands: Array
@@ -48,7 +49,8 @@ class Spread:
 
 def spread_of(fit: Fit) -> Spread:
     """How sure the coefficients of a fit are, by its residuals too."""
-    cov, factor = fit.cov, float(norm.ppf(HALF))
+    cov, factor = fit.cov, np.full(len(fit.value), norm.ppf(HALF))
+    scatter = np.full(len(fit.value), np.nan)
     looks = [Bands(fit, g) for g in range(len(fit.residual))]
     power, left = (np.sum([getattr(look, n) for look in looks], 0) for n in ("power", "left"))
     there = left > 1  # a short record has fewer bands
@@ -58,7 +60,7 @@ def spread_of(fit: Fit) -> Spread:
     if within < DENIED:
         cov = np.sum([look.claimed(bands) for look in looks], 0)
     between = 1.0
-    if (G := len(fit.residual)) >= CLUSTERS and len(fit.value):
+    if len(fit.residual) >= CLUSTERS and len(fit.value):
         scores = np.stack([look.score for look in looks])
         own = np.stack([look.information for look in looks])
         level = float(np.trace(cov) / np.trace(fit.cov))
@@ -67,13 +69,9 @@ def spread_of(fit: Fit) -> Spread:
         )
         freedoms = int(sum(np.linalg.matrix_rank(J, hermitian=True) for J in own)) - len(fit.value)
         between = float(chi2.sf(square / max(1.0, level), freedoms))
-        if between < DENIED:
-            moved = [
-                np.linalg.pinv(own.sum(0) - J, hermitian=True) @ s for s, J in zip(scores, own, strict=True)
-            ]
-            cov = (G - 1) / G * np.transpose(moved) @ moved
-            factor = float(t.ppf(HALF, G - 1))
-    return Spread(cov, factor, within, between, bands)
+        found = scatter_of(scores, own, cov, HALF)
+        cov, factor, scatter = found.cov, found.factor, found.std
+    return Spread(cov, factor, scatter, within, between, bands)
 
 
 class Bands:

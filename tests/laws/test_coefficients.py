@@ -65,7 +65,8 @@ def test_flights_are_fitted_together_and_told_apart_where_they_differ():
     assert law.spread.between < 1e-4
     assert "scatter" in " ".join(law.notes)
     spread = np.std([t.true["drag.1"] for t in throws])
-    assert law.factor * law.std[0] > 0.3 * spread
+    assert law.factor[0] * law.std[0] > 0.3 * spread
+    assert 0.3 * spread < law.spread.scatter[0] < 3 * spread
 
 
 def test_a_law_that_leaves_something_out_claims_less(thrown):
