@@ -32,7 +32,7 @@ from forceid.estimation.methods.problem import Solution, named
 from forceid.estimation.methods.tuning import stated_of
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight
-from forceid.flight.priors.protocol import LoadPrior
+from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.flight.smoother import FlightState, smooth_translation
 from forceid.flight.tuning import FREE, ORDERS
 from forceid.kalman.engines import Engine
@@ -89,7 +89,7 @@ def estimate_mass_points(
             smooth = tuple(order for order in some if order >= min(least.kernel.order, FREE))
             priors[load] = tune(channel, stated=stated, orders=smooth)
             states[load] = smoothed(channel, priors[load], engine, causal)
-            others[load] = smoothed(loud, least, engine, causal)
+            others[load] = load_alone(loud, least, engine, causal)
     state = both(kin, motion, *of_both(states))
     alone = typical_variance(state.wrench_cov)
     with stage("claims"):
@@ -99,7 +99,7 @@ def estimate_mass_points(
             if priors[load].kernel.rivals
         }
         state = grown(state, growth_along_own(state, looks) * noise.size[:, None, None])
-        beside = np.concatenate([one.force for one in of_both(others)], 1)
+        beside = np.concatenate([others["force"], others.get("moment", state.moment)], 1)
         apart = np.nan_to_num(np.concatenate([state.force, state.moment], 1) - beside)
         square = apart[:, :, None] * apart[:, None]
         cov = state.wrench_cov + square * np.kron(np.eye(2), np.ones((3, 3)))
@@ -158,6 +158,12 @@ def smoothed(channel: Channel, prior: LoadPrior, engine: Engine, causal: bool) -
     flight = Flight(channel.time, channel.z, np.full((T, 3, 3), np.nan), cov, 1 / channel.gain,
                     np.zeros((T, 3, 3)), still, np.zeros(3), color=channel.color)  # fmt: skip
     return smooth_translation(flight, prior, engine, causal)
+
+
+def load_alone(channel: Channel, prior: LoadPrior, engine: Engine, causal: bool) -> Array:
+    """The load (time, 3) of a channel as `smoothed` has it, without what it claims."""
+    filtered, x = engine.filter_and_smooth_states(channel_model(channel, prior), channel.moved)
+    return np.asarray((filtered.x if causal else x)[:, : prior.states] @ prior.rows.T)
 
 
 def both(kin: Kinematics, motion: Motion, force: FlightState, moment: FlightState) -> FlightState:
