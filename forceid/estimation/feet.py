@@ -2,9 +2,9 @@
 
 A foot touches where it is near to its lowest level and slow; where none does and the ground pushes, those
 near to it carry, or the lower one. How fast it is shows over a while, so that a foot may touch that long
-before and behind. Where both may touch, motion tells their sum alone, and a rule says the rest: the pressure
-under each foot is under its middle, to half of its length; it twists the foot by friction within that reach;
-and both push along the ground as they push against it, but for what they push apart. Of wrenches w_k with
+before and behind. What motion does not tell, a rule says: the pressure under a foot is under its middle, to
+half of its length, and twists it by friction within that reach; and two feet, of which motion tells the sum
+alone, push along the ground as they push against it, but for what they push apart. Of wrenches w_k with
 mean mu_k and covariance P_k by that rule, whose sum is W to a covariance C,
 w_k = mu_k + P_k (P_1 + P_2 + C)^-1 (W - mu_1 - mu_2).
 """
@@ -27,6 +27,7 @@ SLOW = 0.6  # m/s: a foot that lands or leaves is faster
 LEVEL = 0.05  # part of the record in which a foot stands lowest: its level
 STEADY = 0.06  # s over which its speed is taken
 WIDE = 0.4  # width of a foot over its length
+UNTOLD = 10.0  # times the weight, by which a force that the rule does not tell is off: as good as free
 EVEN = 0.5  # of the whole, by which a share is off a half at most: all, or none
 PUSH_APART = 0.1  # of the vertical force on the lesser foot, that both may push apart by beside
 FEET = ("left_foot", "right_foot")  # as tables of persons name them
@@ -90,19 +91,15 @@ def split_by_foot(
     touches[none] = (lowest - level)[none] <= np.maximum(FOOT_NEAR, (lowest - level)[none].min(1))[:, None]
     around = 2 * frames_in(motion.time, STEADY) + 1
     may: Flags = np.asarray(maximum_filter1d(touches, around, axis=0, mode="nearest"))
-    shares: Flags = np.asarray(may.all(1))
-    alone = touches & ~shares[:, None]
-    wrench = np.where(alone[..., None], W[:, None], 0.0)
-    own = np.where(alone[..., None, None], cov[:, None], 0.0)
+    wrench, own = np.zeros((len(W), 2, 6)), np.zeros((len(W), 2, 6, 6))
     share, std = touches.astype(float), np.zeros(len(W))
-    both = np.flatnonzero(shares)
-    if len(both):
-        sole = middle[both] + up * (level.mean() - middle[both] @ up)[..., None]
-        arm = sole - center[both, None]
+    stands = np.flatnonzero(may.any(1))
+    if len(stands):
+        sole = middle[stands] + up * (level.mean() - middle[stands] @ up)[..., None]
         reach = np.array([one.reach for one in feet])
-        spread = reach[:, None, None] ** 2 * np.stack([pressed(x[both], up) for x in points], 1)
-        wrench[both], own[both] = shared(W[both], cov[both], arm, up, spread)
-        share[both], std[both] = share_of(wrench[both], own[both], W[both], cov[both], up)
+        spread = reach[:, None, None] ** 2 * np.stack([pressed(x[stands], up) for x in points], 1)
+        rule = Rule(may[stands], sole - center[stands, None], up, spread)
+        wrench[stands], own[stands], share[stands], std[stands] = shared(W[stands], cov[stands], rule)
     found = Feet(
         tuple(one.name for one in feet), wrench[..., :3], own[..., :3, :3], touches.astype(float), share, std
     )
@@ -124,52 +121,53 @@ def pressed(x: Array, up: Array) -> Array:
     return np.asarray(tips + lengthwise + WIDE**2 * np.outer(up, up))
 
 
-def shared(W: Array, cov: Array, arm: Array, up: Array, spread: Array) -> tuple[Array, Array]:
-    """Wrenches (time, 2, 6) of two feet by the rule, and their covariances (time, 2, 6, 6), that add up to W
-    as well as it is known.
-
-    W (time, 6) about the mass center, with cov; arm (time, 2, 3) m of the soles from there; up (3,); spread
-    (time, 2, 3, 3) m2 of the moment of a unit force on a foot. Once to share what pushes against the ground,
-    then once more for what pushes along it.
+@dataclass(frozen=True)
+class Rule:
+    """Where two feet may push: may (time, 2) touch, arm (time, 2, 3) m of their soles from the mass center,
+    up (3,), and spread (time, 2, 3, 3) m2 of the moment of a unit force on each.
     """
-    push = pushing(W, cov, up)
+
+    may: Flags
+    arm: Array
+    up: Array
+    spread: Array
+
+
+def shared(W: Array, cov: Array, rule: Rule) -> tuple[Array, Array, Array, Array]:
+    """Wrenches (time, 2, 6) of feet by the rule, one of which at least may touch, their covariances (time, 2,
+    6, 6), their shares (time, 2) of what pushes against the ground, and how sure these are (time,).
+
+    W (time, 6) about the mass center, with cov. Once to share what pushes against the ground, then once more
+    for what pushes along it. Of the force on a foot that stands alone the rule tells nothing.
+    """
+    up, may = rule.up, rule.may
+    known = np.sqrt(np.einsum("a,tab,b->t", up, cov[:, :3, :3], up))
+    push = np.maximum(np.abs(W[:, :3] @ up), known)  # no less than is known of it
     along = W[:, :3] - (W[:, :3] @ up)[:, None] * up
-    share, std = np.full((len(W), 2), 0.5), np.full(len(W), EVEN)
-    to_center = transport_matrix(arm)
-    wrench, own = np.zeros((len(W), 2, 6)), np.zeros((len(W), 2, 6, 6))
+    two, even = np.asarray(may.all(1)), may / may.sum(1, keepdims=True)
+    share, std = even, np.where(two, EVEN, 0.0)
+    to_center = transport_matrix(rule.arm)
+    against = np.zeros(6)
+    against[:3] = up
+    wrench, own, found = np.zeros((len(W), 2, 6)), np.zeros((len(W), 2, 6, 6)), share
     for _ in range(2):
         mean = np.zeros((len(W), 2, 6))
-        mean[..., :3] = share[..., None] * along[:, None] + 0.5 * push[:, None, None] * up
+        mean[..., :3] = share[..., None] * along[:, None] + (even * push[:, None])[..., None] * up
         mean = np.einsum("tfij,tfj->tfi", to_center, mean)
         apart = PUSH_APART * np.hypot(share.min(1), std) * push + std * np.linalg.norm(along, axis=1)
-        carried = (np.hypot(share, std[:, None]) * push[:, None])[..., None, None]
+        apart = np.where(two, apart, UNTOLD * push)
         R = np.zeros((len(W), 2, 6, 6))
         R[..., :3, :3] = 2 * apart[:, None, None, None] ** 2 * np.eye(3)
-        R[..., 3:, 3:] = carried**2 * spread
-        against = np.zeros(6)
-        against[:3] = up
+        R[..., 3:, 3:] = (np.hypot(share, std[:, None]) * push[:, None])[..., None, None] ** 2 * rule.spread
         R = R + 2 * (EVEN * push[:, None, None, None]) ** 2 * np.outer(against, against)
-        P = to_center @ R @ to_center.mT
+        P = may[..., None, None] * (to_center @ R @ to_center.mT)
         gain = np.linalg.solve((P.sum(1) + cov)[:, None], P).mT  # P_k (P_1 + P_2 + C)^-1
         wrench = mean + np.einsum("tfij,tj->tfi", gain, W - mean.sum(1))
         own = gain @ (P[:, ::-1] + cov[:, None])
-        share, std = share_of(wrench, own, W, cov, up)
-        share = np.clip(share, 0.0, 1.0)
-    return wrench, own
-
-
-def pushing(W: Array, cov: Array, up: Array) -> Array:
-    """How hard the ground pushes (time,) N, by wrenches W (time, 6) with cov: no less than is known of it."""
-    return np.asarray(
-        np.maximum(np.abs(W[:, :3] @ up), np.sqrt(np.einsum("a,tab,b->t", up, cov[:, :3, :3], up)))
-    )
-
-
-def share_of(wrench: Array, own: Array, W: Array, cov: Array, up: Array) -> tuple[Array, Array]:
-    """Shares (time, 2) of what pushes against the ground, of W (time, 6) with cov, and how sure (time,)."""
-    push = pushing(W, cov, up)
-    std = np.sqrt(np.einsum("a,tab,b->t", up, own[:, 0, :3, :3], up)) / push
-    return wrench[..., :3] @ up / push[:, None], std
+        told = np.sqrt(np.einsum("a,tab,b->t", up, own[:, 0, :3, :3], up)) / push
+        found = np.where(two[:, None], wrench[..., :3] @ up / push[:, None], even)
+        share, std = np.clip(found, 0.0, 1.0), np.where(two, told, 0.0)
+    return wrench, own, found, std
 
 
 def frames_in(time: Array, seconds: float) -> int:

@@ -34,13 +34,13 @@ class Scatter:
     factor: Array
 
 
-def scatter_of(score: Array, information: Array, cov: Array, half: float) -> Scatter:
+def scatter_between(score: Array, information: Array, cov: Array, half: float) -> Scatter:
     """How coefficients scatter by scores (flight, term) and information (flight, term, term) of flights.
 
     cov (term, term): of the common values if none scatters; half: the quantile of an interval.
 
     >>> each = np.array([[-3.0], [0.0], [3.0]])  # of one number, known to 1 in each
-    >>> found = scatter_of(each, np.ones((3, 1, 1)), np.ones((1, 1)) / 3, 0.975)
+    >>> found = scatter_between(each, np.ones((3, 1, 1)), np.ones((1, 1)) / 3, 0.975)
     >>> (found.std**2).round(2).tolist(), found.cov.round(2).tolist()  # 9 less 1, over all three
     ([8.0], [[3.0]])
     """

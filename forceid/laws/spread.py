@@ -21,7 +21,7 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from forceid.laws.fitting import START, Fit
-from forceid.laws.scatter import scatter_of
+from forceid.laws.scatter import scatter_between
 from forceid.records import Array
 from forceid.significance import DENIED
 
@@ -69,7 +69,7 @@ def spread_of(fit: Fit) -> Spread:
         )
         freedoms = int(sum(np.linalg.matrix_rank(J, hermitian=True) for J in own)) - len(fit.value)
         between = float(chi2.sf(square / max(1.0, level), freedoms))
-        found = scatter_of(scores, own, cov, HALF)
+        found = scatter_between(scores, own, cov, HALF)
         cov, factor, scatter = found.cov, found.factor, found.std
     return Spread(cov, factor, scatter, within, between, bands)
 

@@ -64,8 +64,8 @@ def test_a_foot_that_stands_alone_has_all_of_the_force():
     assert k.mean() > 0.3
     assert np.array_equal(found.share[k], stands[k].astype(float))
     carried = found.force[k][stands[k]]
-    assert np.array_equal(carried, state.force[k])
-    assert np.array_equal(found.force_cov[k][stands[k]], state.wrench_cov[k][:, :3, :3])
+    assert np.allclose(carried, state.force[k], atol=0.1 * STD[0])
+    assert np.allclose(found.force_cov[k][stands[k]], state.wrench_cov[k][:, :3, :3], rtol=0.05, atol=0.01)
 
 
 def test_a_foot_that_may_touch_by_now_shares_within_what_is_claimed():

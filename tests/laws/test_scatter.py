@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from forceid.laws.scatter import scatter_of
+from forceid.laws.scatter import scatter_between
 
 HALF = 0.975
 
@@ -28,14 +28,14 @@ def flown(rng, flights, std, blind=False):
 
 def found(drawn):
     scores, J, _ = drawn
-    return scatter_of(scores, J, np.linalg.inv(J.sum(0)), HALF)
+    return scatter_between(scores, J, np.linalg.inv(J.sum(0)), HALF)
 
 
-def test_scatter_of_one_coefficient_known_alike_is_that_of_the_sample_less_its_noise():
+def test_scatter_between_one_coefficient_known_alike_is_that_of_the_sample_less_its_noise():
     values, noise = np.array([1.0, 4.0, -2.0, 7.0, 0.0]), 0.5
     J = np.full((5, 1, 1), noise**-2)
     score = ((values - values.mean()) / noise**2)[:, None]
-    got = scatter_of(score, J, np.full((1, 1), noise**2 / 5), HALF)
+    got = scatter_between(score, J, np.full((1, 1), noise**2 / 5), HALF)
     assert got.std[0] ** 2 == pytest.approx(values.var(ddof=1) - noise**2, rel=1e-4)
     assert got.cov[0, 0] == pytest.approx(values.var(ddof=1) / 5, rel=1e-4)
 
