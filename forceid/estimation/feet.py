@@ -27,8 +27,8 @@ SLOW = 0.6  # m/s: a foot that lands or leaves is faster
 LEVEL = 0.05  # part of the record in which a foot stands lowest: its level
 STEADY = 0.06  # s over which its speed is taken
 WIDE = 0.4  # width of a foot over its length
-UNTOLD = 10.0  # times the weight, by which a force that the rule does not tell is off: as good as free
-EVEN = 0.5  # of the whole, by which a share is off a half at most: all, or none
+FREE_FORCE = 10.0  # times the weight, by which a force that the rule does not tell is off: as good as free
+HALF_OFF = 0.5  # of the whole, by which a share is off a half at most: all, or none
 PUSH_APART = 0.1  # of the vertical force on the lesser foot, that both may push apart by beside
 FEET = ("left_foot", "right_foot")  # as tables of persons name them
 
@@ -145,7 +145,7 @@ def shared(W: Array, cov: Array, rule: Rule) -> tuple[Array, Array, Array, Array
     push = np.maximum(np.abs(W[:, :3] @ up), known)  # no less than is known of it
     along = W[:, :3] - (W[:, :3] @ up)[:, None] * up
     two, even = np.asarray(may.all(1)), may / may.sum(1, keepdims=True)
-    share, std = even, np.where(two, EVEN, 0.0)
+    share, std = even, np.where(two, HALF_OFF, 0.0)
     to_center = transport_matrix(rule.arm)
     against = np.zeros(6)
     against[:3] = up
@@ -155,11 +155,11 @@ def shared(W: Array, cov: Array, rule: Rule) -> tuple[Array, Array, Array, Array
         mean[..., :3] = share[..., None] * along[:, None] + (even * push[:, None])[..., None] * up
         mean = np.einsum("tfij,tfj->tfi", to_center, mean)
         apart = PUSH_APART * np.hypot(share.min(1), std) * push + std * np.linalg.norm(along, axis=1)
-        apart = np.where(two, apart, UNTOLD * push)
+        apart = np.where(two, apart, FREE_FORCE * push)
         R = np.zeros((len(W), 2, 6, 6))
         R[..., :3, :3] = 2 * apart[:, None, None, None] ** 2 * np.eye(3)
         R[..., 3:, 3:] = (np.hypot(share, std[:, None]) * push[:, None])[..., None, None] ** 2 * rule.spread
-        R = R + 2 * (EVEN * push[:, None, None, None]) ** 2 * np.outer(against, against)
+        R = R + 2 * (HALF_OFF * push[:, None, None, None]) ** 2 * np.outer(against, against)
         P = may[..., None, None] * (to_center @ R @ to_center.mT)
         gain = np.linalg.solve((P.sum(1) + cov)[:, None], P).mT  # P_k (P_1 + P_2 + C)^-1
         wrench = mean + np.einsum("tfij,tj->tfi", gain, W - mean.sum(1))

@@ -20,7 +20,7 @@ from forceid.records import Array
 from forceid.rounding import SOLVED
 
 AT_FIRST = (0.3, 3.0)  # deviations of a coefficient by one flight, from which its scatter is sought
-BOUNDS = 1e4  # times those, and their inverse: less is none
+SOUGHT = 1e4  # times those, and their inverse: less is none
 
 
 @dataclass(frozen=True)
@@ -60,14 +60,14 @@ def scatter_between(score: Array, information: Array, cov: Array, half: float) -
             square += float(y @ y) + 2 * float(np.log(np.diag(L)).sum())
         return square - float(vector @ np.linalg.solve(among, vector)) + float(np.linalg.slogdet(among)[1])
 
-    ends = list(zip(np.log(size / BOUNDS), np.log(size * BOUNDS), strict=True))
+    ends = list(zip(np.log(size / SOUGHT), np.log(size * SOUGHT), strict=True))
     found = [minimize(unlikeliness, np.log(f * size), method="L-BFGS-B", bounds=ends) for f in AT_FIRST]
     std = np.exp(min(found, key=lambda one: one.fun).x)
     back = np.linalg.inv(total)
     own = back @ np.sum([(J * std**2) @ J for J in information], 0) @ back
     whole = cov + own
     share = np.diag(own) / np.diag(whole)
-    freedoms = (flights - 1) / np.maximum(share**2, 1 / BOUNDS**2)
+    freedoms = (flights - 1) / np.maximum(share**2, 1 / SOUGHT**2)
     return Scatter(std, whole, np.asarray(t.ppf(half, freedoms)))
 
 
