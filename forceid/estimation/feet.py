@@ -20,6 +20,7 @@ from forceid.config import FootSetting
 from forceid.errors import ConfigError
 from forceid.principal import transport_matrix
 from forceid.records import Array, Feet, Flags, Motion
+from forceid.rounding import SINGLE
 from forceid.significance import SIGMAS
 
 FOOT_NEAR = 0.04  # m above its lowest level, at which a foot still touches: skin, and a foot that rolls
@@ -143,6 +144,7 @@ def shared(W: Array, cov: Array, rule: Rule) -> tuple[Array, Array, Array, Array
     up, may = rule.up, rule.may
     known = np.sqrt(np.einsum("a,tab,b->t", up, cov[:, :3, :3], up))
     push = np.maximum(np.abs(W[:, :3] @ up), known)  # no less than is known of it
+    push = np.maximum(push, SINGLE * (float(np.nan_to_num(push).max()) or 1.0))
     along = W[:, :3] - (W[:, :3] @ up)[:, None] * up
     two, even = np.asarray(may.all(1)), may / may.sum(1, keepdims=True)
     share, std = even, np.where(two, HALF_OFF, 0.0)

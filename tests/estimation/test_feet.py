@@ -131,6 +131,14 @@ def test_feet_that_hardly_push_share_what_is_known_of_it():
     assert (np.sqrt(found.cov[both][..., 2, 2]) > 0.3 * STD[2]).all()
 
 
+def test_feet_under_no_load_at_all_have_none():
+    motion, state, _, _ = walking(1)
+    state.force[:], state.moment[:], state.wrench_cov[:] = 0.0, 0.0, 0.0
+    found = split_by_foot(FEET, NODES, motion, state)
+    assert np.abs(found.wrench).max() < 1e-3
+    assert np.isfinite(found.cov).all()
+
+
 def test_feet_are_two_of_nodes_that_there_are():
     assert feet_of((), ("a", "b")) == ()
     one = FootSetting(name="left", nodes=("heel",))
