@@ -4,7 +4,8 @@ A foot touches where it is near to its lowest level and slow; where none does an
 near to it carry, or the lower one. How fast it is shows over a while, so that a foot may touch that long
 before and behind. What motion does not tell, a rule says: the pressure under a foot is under its middle, to
 half of its length, and twists it by friction within that reach; and two feet, of which motion tells the sum
-alone, push along the ground as they push against it, but for what they push apart. Of wrenches w_k with
+alone, push along the ground as they push against it, and apart by anything between none and what points each
+force at the mass center, as legs do that push along themselves. Of wrenches w_k with
 mean mu_k and covariance P_k by that rule, whose sum is W to a covariance C,
 w_k = mu_k + P_k (P_1 + P_2 + C)^-1 (W - mu_1 - mu_2).
 """
@@ -149,17 +150,22 @@ def shared(W: Array, cov: Array, rule: Rule) -> tuple[Array, Array, Array, Array
     two, even = np.asarray(may.all(1)), may / may.sum(1, keepdims=True)
     share, std = even, np.where(two, HALF_OFF, 0.0)
     to_center = transport_matrix(rule.arm)
+    slope = (rule.arm @ up)[..., None] * up - rule.arm  # from the soles to the mass center
+    slope = slope / np.maximum(-rule.arm @ up, FOOT_NEAR)[..., None]
     against = np.zeros(6)
     against[:3] = up
     wrench, own, found = np.zeros((len(W), 2, 6)), np.zeros((len(W), 2, 6, 6)), share
     for _ in range(2):
+        lean = (share * push[:, None])[..., None] * slope
+        lean = lean - share[..., None] * lean.sum(1, keepdims=True)
         mean = np.zeros((len(W), 2, 6))
-        mean[..., :3] = share[..., None] * along[:, None] + (even * push[:, None])[..., None] * up
+        mean[..., :3] = share[..., None] * along[:, None] + (even * push[:, None])[..., None] * up + lean / 2
         mean = np.einsum("tfij,tfj->tfi", to_center, mean)
         apart = PUSH_APART * np.hypot(share.min(1), std) * push + std * np.linalg.norm(along, axis=1)
         apart = np.where(two, apart, FREE_FORCE * push)
         R = np.zeros((len(W), 2, 6, 6))
         R[..., :3, :3] = 2 * apart[:, None, None, None] ** 2 * np.eye(3)
+        R[..., :3, :3] += 2 * lean[..., :, None] * lean[..., None, :] / 12  # uniform from none to all of it
         R[..., 3:, 3:] = (np.hypot(share, std[:, None]) * push[:, None])[..., None, None] ** 2 * rule.spread
         R = R + 2 * (HALF_OFF * push[:, None, None, None]) ** 2 * np.outer(against, against)
         P = may[..., None, None] * (to_center @ R @ to_center.mT)
