@@ -26,6 +26,7 @@ from forceid.report.plots.charts import (
     motion_chart,
     wrench_chart,
 )
+from forceid.report.plots.feet import draw_feet, feet_chart
 from forceid.report.plots.figures import (
     deforms,
     draw_deformation,
@@ -48,6 +49,7 @@ _SECTIONS = (  # what is folded, in order: name, title, and what one finds there
     ("again", "Flown again", "the motion that the load found produces, beside the measured one"),
     ("deformation", "Deformation", "how far the body left its shape"),
     ("loads", "Loads", "the loads that were asked for"),
+    ("feet", "Feet", "what the ground gives each of them"),
     ("first_moments", "First moments of force", "what stretches the body, and what turns it"),
     ("joints", "Forces between parts", ""),
     ("coefficients", "Coefficients", "of lift, drag and moment"),  # where `drawings` or `tables` has one
@@ -100,6 +102,8 @@ def drawings(
         found["deformation"] = draw_deformation(e), deformation_chart(e)
     if e.loads is not None:
         found["loads"] = draw_loads(e, e.loads), loads_chart(e, e.loads)
+    if e.feet is not None:
+        found["feet"] = draw_feet(e.time, e.feet), feet_chart(e.time, e.feet)
     if e.first_moment is not None and e.first_moment_cov is not None:
         moments = e.first_moment, e.first_moment_cov
         found["first_moments"] = (

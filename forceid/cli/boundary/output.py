@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from forceid import __version__
 
 if TYPE_CHECKING:
-    from forceid.records import Array, Estimate, Interface, Verdict, Witness
+    from forceid.records import Array, Estimate, Feet, Interface, Verdict, Witness
 
 UNITS = {"force": "N", "moment": "N m"}
 ESTIMATE_SAID = (
@@ -47,6 +47,7 @@ def describe(
         **{name: getattr(estimate, name) for name in ESTIMATE_SAID},
         "forceid_version": __version__,
         **({} if joints is None else {"interface": joints_of(joints)}),
+        **({} if estimate.feet is None else {"foot": feet_record(estimate.feet)}),
         **({} if h is None else {"band": h.band, "frequency": h.frequency, "hidden_load": h.amplitude}),
         **witness_record(estimate.witness),
         **wrench_numbers(estimate, truth).as_dict(),
@@ -118,6 +119,31 @@ def joints_of(interface: Interface) -> dict[str, Any]:
     }
 
 
+def feet_record(feet: Feet) -> list[dict[str, Any]]:
+    """What there is to say of feet: of each the rms of its force, and how long it touches, as a share."""
+    import numpy as np
+
+    from forceid.records import deviation
+    from forceid.report import rms
+
+    size, std = (np.linalg.norm(rms(a), axis=-1) for a in (feet.force, deviation(feet.force_cov)))
+    touches = feet.contact.mean(0)
+    return [
+        {"name": name, "force": size[k], "force_std": std[k], "contact": touches[k]}
+        for k, name in enumerate(feet.name)
+    ]
+
+
+def foot_line(foot: Mapping[str, Any]) -> str:
+    """A line for a foot."""
+    import numpy as np
+
+    from forceid.report import plus_minus
+
+    size = plus_minus(np.array(foot["force"]), np.array(foot["force_std"]), "N")
+    return wrap(f"foot     {foot['name']}: {size} rms, touches {100 * foot['contact']:.0f} % of the time")
+
+
 def joint_lines(interface: Mapping[str, Any]) -> list[str]:
     """A line for the verdict of the joints, one for each of its reasons and one for each joint."""
     import numpy as np
@@ -147,6 +173,7 @@ def summary(record: Mapping[str, Any], verbose: bool = False) -> str:
         lines.append(wrap(f"error    {'; '.join(errors)}"))
     if "band" in record and np.isfinite(record["band"]).any():
         lines.append(wrap(band_line(np.array(record["band"]))))
+    lines += [foot_line(foot) for foot in record.get("foot", ())]
     if "interface" in record:
         lines += joint_lines(record["interface"])
     lines += [wrap(f"       - {reason}") for reason in record["reasons"]]

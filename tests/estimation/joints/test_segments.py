@@ -1,6 +1,7 @@
 """What passes the joints of persons on two feet, beside Newton's law of all that hangs behind each joint."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,12 +9,14 @@ import pytest
 from evidence.drawn.people import STOOD, on_plates
 from evidence.drawn.records.person import JOINT_OFF, Skin, person
 from evidence.drawn.records.walker import pressed, walker
+from forceid.cli.boundary.output import describe, summary
 from forceid.config import load_settings
 from forceid.errors import ConfigError, EstimationError
 from forceid.estimation.body.segment_noise import segment_noise, segment_poses
 from forceid.estimation.joints.segments import lighter_sides
 from forceid.estimation.run import estimate_recording
 from forceid.files.result import read_result, write_result
+from forceid.report.page import render_page
 
 STILL = Skin(shared=0.0, own=0.0, white=2e-5)
 ASKED = {"model": "segments", "joint_loads": True, "foot": STOOD}
@@ -53,6 +56,17 @@ def test_joint_loads_are_kept_in_a_result_file(tmp_path):
     assert kept.name == found.interface.name
     assert np.array_equal(kept.moment, found.interface.moment)
     assert kept.parts[kept.name.index("left thigh to left shank")] == ("left thigh near", "left shank near")
+
+
+def test_feet_and_joints_are_told_in_the_terminal_and_drawn_on_the_page():
+    found = estimate_recording(walker(2, "squat", 2.0), load_settings(**ASKED))
+    said = summary(describe(found, Path("person.h5"), Path("person.result.h5")))
+    assert said.count("foot     ") == 2
+    assert "touches 100 % of the time" in said
+    assert said.count("joint    ") == len(found.interface.name)
+    page = render_page(found)
+    assert "Force of the ground on left_foot, world axes" in page
+    assert "Force of pelvis near on left thigh near, world axes" in page
 
 
 def test_a_joint_placed_worse_claims_a_moment_with_its_lever():
