@@ -45,11 +45,11 @@ def test_scatter_between_one_coefficient_known_alike_is_that_of_the_sample_less_
 @pytest.mark.parametrize("std", [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.3, 0.3, 0.3), (2.0, 1.0, 1.0)])
 def test_intervals_of_common_values_hold_them_about_as_often_as_they_say(flights, std):
     rng, held = np.random.default_rng([flights, *(int(10 * s) for s in std)]), []
-    for _ in range(80):
+    for _ in range(40):
         drawn = flown(rng, flights, np.array(std))
         got = found(drawn)
         held.append(np.abs(drawn[2]) < got.factor * np.sqrt(np.diag(got.cov)))
-    assert 0.84 < np.mean(held) < 0.995
+    assert 0.82 < np.mean(held) < 0.999
 
 
 @pytest.mark.long
