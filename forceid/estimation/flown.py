@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from forceid.config import Settings
 from forceid.estimation.loads.channels import flight_of
+from forceid.estimation.methods.in_segments import SEGMENTS
 from forceid.estimation.methods.problem import Smoothing, Solution
 from forceid.flight.path.linear import flexed, linear_flight, seen_part
 from forceid.flight.priors.protocol import MOMENTUM
@@ -30,9 +31,10 @@ def flown_of(solution: Solution, motion: Motion) -> Flown | None:
     flight = flight_of(kin, solution.deformation, motion.gravity)
     inertia = np.broadcast_to(flight.inertia, (len(flight.time), 3, 3))
     h = np.broadcast_to(flight.h, (len(flight.time), 3))
-    return Flown(
-        flight.center, canonical_quaternions(flight.rotation), flight.pose_cov, inertia, h, motion.wind
-    )
+    turned = canonical_quaternions(flight.rotation)
+    if kin.model == SEGMENTS:  # whose mean rotation is that of a fit, which no moment turns
+        turned = np.full_like(turned, np.nan)
+    return Flown(flight.center, turned, flight.pose_cov, inertia, h, motion.wind)
 
 
 def air_of(settings: Settings, solution: Solution, state: FlightState, motion: Motion) -> Aero | None:

@@ -9,6 +9,7 @@ from evidence.drawn.records.person import Skin, person, resultants
 from evidence.drawn.records.scored import low_passed
 from forceid.config import load_settings
 from forceid.errors import ConfigError, DataError
+from forceid.estimation import fly_again
 from forceid.estimation.loads.channels import swept_momentum
 from forceid.estimation.run import estimate_recording
 
@@ -103,3 +104,12 @@ def test_errors_that_are_larger_than_the_gaps_say_make_no_load_rough():
     recording = person(616, "squat", skin=Skin(neighbor=0.5))
     found = estimate_recording(recording, load_settings(model="segments"))
     assert found.tuned["force_order"] > 1
+
+
+def test_a_person_is_flown_again_by_its_center_alone():
+    """Its mean rotation is that of a fit, which turns with arms and legs and not as a moment says."""
+    found = estimate_recording(person(0, "squat", 2.0), load_settings(model="segments"))
+    assert np.isnan(found.flown.orientation).all()
+    again = fly_again(found)
+    assert np.isnan(again.orientation).all()
+    assert np.isfinite(again.center).all()
