@@ -163,7 +163,7 @@ def beside_rivals(told: Suspect) -> tuple[float, bool, Array, Array]:
     spread = np.einsum("r,ri,rj->ij", weight, amounts - mean, amounts - mean)
     cov = np.einsum("r,rij->ij", weight, [one.cov[own, own] for one in with_it]) + spread
     apart = held[0].apart
-    steady = held[0].gained >= min(max(apart), MOST_GAINED) and CHANCE * np.exp(min(apart)) > 1
+    steady = held[0].gained >= min(max(apart), MOST_GAINED) and bool(min(apart) > -np.log(CHANCE))
     return float(total - np.logaddexp.reduce(without)), steady, mean, cov
 
 
@@ -197,7 +197,7 @@ def center_shown(told: Suspect, wrong: Wrong, believed: bool) -> Array | None:
 
     One that was taken where the record showed it moves on for as long as that makes more than is claimed.
     """
-    if believed and not (wrong.steady and CHANCE * np.exp(wrong.gained) > 1):
+    if believed and not (wrong.steady and wrong.gained > -np.log(CHANCE)):
         return None
     off = told.held(wrong.amounts)
     made = np.sqrt(np.mean((told.made[..., told.columns] @ off) ** 2, axis=0))
