@@ -74,8 +74,7 @@ def parts_of(recording: Recording, settings: Settings) -> tuple[tuple[Part, ...]
     check_names("part", ["ground", *(p.name for p in settings.part)])
     check_names("joint", [j.name for j in settings.joint])
     chosen = [nodes_of(part, body) for part in settings.part]
-    stiff = settings.model == "rigid"
-    told = [part.model_copy(update={"rigid": part.rigid or stiff}) for part in settings.part]
+    told = [p.model_copy(update={"rigid": p.rigid or settings.model == "rigid"}) for p in settings.part]
     check_shared(settings, chosen, body)
     parts = tuple(part_of(setting, nodes, recording) for setting, nodes in zip(told, chosen, strict=True))
     names = [part.name for part in parts]
