@@ -293,6 +293,13 @@ class Settings(Section):
     aero: AeroSetting | None = None
 
     @model_validator(mode="after")
+    def joints_of_one_kind(self) -> Self:
+        """Joints of segments that a file knows, or of parts that the settings name."""
+        if self.joint_loads and self.part:
+            raise ValueError("has joint_loads and part, expected one of them")
+        return self
+
+    @model_validator(mode="after")
     def prior_of_its_kind(self) -> Self:
         """Numbers of a prior are those of a Matern kernel along axes of the world."""
         if self.prior != PriorsSetting():

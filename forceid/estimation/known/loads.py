@@ -48,6 +48,9 @@ def known_loads(recording: Recording, settings: Settings) -> tuple[KnownLoad, ..
         what = "needs a motion that shows where the body is, expected markers or a mean motion"
         kind, where = (ConfigError, "known_load") if stored is None else (DataError, "/load_known")
         raise kind(what, where, "add /motion/position, or leave the known loads out")
+    if not settings.part and (stray := [load for load in asked.values() if load.part is not None]):
+        what = f"{stray[0].name}: acts on the part '{stray[0].part}' of a body that is whole"
+        raise ConfigError(what, "known_load", "leave out its part, or add [[part]] and [[joint]]")
     if len(asked) < len(settings.known_load):
         raise ConfigError("gives one name to two loads", "known_load", "name every load once")
     center = inertia_of(body).center
@@ -64,7 +67,8 @@ def loads_on_part(
 ) -> tuple[KnownLoad, ...]:
     """The known loads that act on one part of a body, whose recording is `own`."""
     stored = recording.known_loads
-    here = {load.name: load for load in settings.known_load if load.part == part}
+    own_loads = (load for load in settings.known_load if load.part == part)
+    here = {load.name: load.model_copy(update={"part": None}) for load in own_loads}
     if stored is not None:
         series = [k for k, name in enumerate(stored.name) if name in here]
         fields = "force", "moment", "wrench_cov", "point"

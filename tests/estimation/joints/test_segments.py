@@ -107,6 +107,11 @@ def test_joint_loads_of_what_has_no_segments_or_no_feet_are_refused():
         estimate_recording(recording, load_settings(model="rigid", joint_loads=True, foot=STOOD))
 
 
+def test_joints_are_of_segments_or_of_parts():
+    with pytest.raises(ConfigError, match="expected one of them"):
+        load_settings(joint_loads=True, part=[{"name": "left", "nodes": [0, 1, 2]}])
+
+
 def test_a_plate_under_both_feet_or_under_none_is_refused():
     recording = on_plates(walker(4, "squat", 2.0))
     loads = recording.known_loads

@@ -176,6 +176,8 @@ def test_a_known_load_beside_parts_says_on_which_it_acts():
         plate = KnownLoadSetting(name="plate", part=part)
         with pytest.raises(ConfigError, match="does not say which part"):
             estimate_recording(beside, told.model_copy(update={"known_load": (plate,)}))
+    with pytest.raises(ConfigError, match="of a body that is whole"):
+        estimate_recording(beside, load_settings(known_load=[{"name": "plate", "part": "shank"}]))
 
 
 @pytest.mark.long
