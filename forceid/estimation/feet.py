@@ -55,13 +55,15 @@ def feet_of(settings: tuple[FootSetting, ...], node: tuple[str, ...]) -> tuple[F
 @dataclass(frozen=True)
 class FootLoads:
     """Wrenches (time, foot, 6) of the ground on two feet about the mass center of the body, world axes, with
-    cov (time, foot, 6, 6); middle (time, foot, 3) m of the feet; feet: their forces, and when they touch.
+    cov (time, foot, 6, 6); middle (time, foot, 3) m of the feet; feet: their forces, and when they touch;
+    pushed (time,): whether the ground pushes beyond what chance does.
     """
 
     wrench: Array
     cov: Array
     middle: Array
     feet: Feet
+    pushed: Flags
 
 
 def split_by_foot(
@@ -105,7 +107,7 @@ def split_by_foot(
     found = Feet(
         tuple(one.name for one in feet), wrench[..., :3], own[..., :3, :3], touches.astype(float), share, std
     )
-    return FootLoads(wrench, own, middle, found)
+    return FootLoads(wrench, own, middle, found, np.asarray(pushed))
 
 
 def pressed(x: Array, up: Array) -> Array:

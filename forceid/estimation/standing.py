@@ -8,7 +8,7 @@ from forceid.config import FootSetting, Settings
 from forceid.errors import ConfigError
 from forceid.estimation.body.kinematics import rotations
 from forceid.estimation.body.tracks.bridging import straight
-from forceid.estimation.feet import LEVEL, feet_of, filled, split_by_foot
+from forceid.estimation.feet import LEVEL, feet_of, split_by_foot
 from forceid.estimation.joints.parts import Part, part_of_foot
 from forceid.estimation.joints.segments import FootWrench
 from forceid.estimation.known.loads import KnownLoad, known_loads, loads_on_part
@@ -50,23 +50,31 @@ def on_plates(
     loads: tuple[KnownLoad, ...],
     whole: Solution,
 ) -> tuple[FootWrench, ...]:
-    """Feet with the loads that are known under them; one without any has what else acts on the body."""
-    time, state = recording.motion.time, whole.state
-    assert recording.motion.position is not None
+    """Feet with the loads that are known under them; one without any has what else acts on the body.
+
+    NaN where one stands beside its plate: what else acts is not on the other foot alone.
+    """
+    time, state, body = recording.motion.time, whole.state, recording.body
     path = path_through(time, state.center, state.rotation)
-    tracks = [filled(time, recording.motion.position[:, own]) for own in nodes]
-    if any(track is None for track in tracks):
-        what = "asks what passes the joints of a person whose feet are never seen"
-        raise ConfigError(what, "joint_loads", "restore the markers on both feet")
-    middle = np.stack([np.asarray(track).mean(1) for track in tracks], 1)
+    W = np.concatenate([state.force, state.moment], 1)
+    split = split_by_foot(feet, body.node, recording.motion, state.center, W, state.wrench_cov)
+    if split is None:
+        what = "asks what passes the joints of a person without gravity, or whose feet are never seen"
+        raise ConfigError(what, "joint_loads", "give gravity, and markers on both feet")
     wrench, cov = np.zeros((len(feet), len(time), 6)), np.zeros((len(feet), len(time), 6, 6))
-    under = [foot_over(load, time, middle) for load in loads]
+    under = [foot_over(load, time, split.middle) for load in loads]
     for load, k in zip(loads, under, strict=True):
         own, error, _ = wrench_of(load, time, path)
         wrench[k] += own
         cov[k] += error
-    for k in set(range(len(feet))) - set(under):
-        wrench[k], cov[k] = np.concatenate([state.force, state.moment], 1), state.wrench_cov
+    held = np.linalg.norm(wrench[..., :3], axis=2)
+    held = held > LEVEL * held.max(1, keepdims=True)
+    beside = (split.feet.contact.T == 1) & ~held & split.pushed
+    for k in range(len(feet)):
+        if k not in under:
+            wrench[k], cov[k] = W, state.wrench_cov
+        lost = beside[k] if k in under else beside[sorted(set(under))].any(0)
+        wrench[k][lost], cov[k][lost] = np.nan, np.nan
     return tuple(FootWrench(own, wrench[k], cov[k]) for k, own in enumerate(nodes))
 
 

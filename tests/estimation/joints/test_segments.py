@@ -127,6 +127,22 @@ def test_a_plate_under_both_feet_or_under_none_is_refused():
             )
 
 
+def test_a_foot_that_steps_beside_its_plate_leaves_its_leg_unknown_and_not_wrong():
+    recording = on_plates(walker(1, "walk", 3.0, STILL))
+    loads, clock = recording.known_loads, recording.motion.time
+    late = (clock > 1.5)[:, None, None]
+    short = replace(loads, force=np.where(late, 0.0, loads.force), moment=np.where(late, 0.0, loads.moment))
+    found = estimate_recording(replace(recording, known_loads=short), load_settings(**ASKED)).interface
+    truth, knee = recording.truth, found.name.index("left thigh to left shank")
+    known = np.isfinite(found.force[:, knee]).all(1)
+    off = np.linalg.norm(found.force[:, knee] - truth["joint_force"][:, knee], axis=1)
+    stands = truth["foot_wrench"][:, 0, 2] > 200.0
+    beside = stands & late[:, 0, 0]
+    assert not known[beside][5:-5].any()
+    assert known[stands & ~late[:, 0, 0]].mean() > 0.95
+    assert np.median(off[known & stands]) < 20.0
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("plated", [False, True])
 @pytest.mark.parametrize("task", ["walk", "squat"])
