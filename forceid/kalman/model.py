@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -123,7 +124,7 @@ class Filtered:
             pred[1:] += u if u.ndim == 1 or self.x.ndim == 2 else u[:, None]
         return pred
 
-    @property
+    @cached_property
     def innovation(self) -> Array:
         """Whitened innovations (time, channel), NaN where z is missing."""
         e = self.z - along(self.model.H, self.x_pred)

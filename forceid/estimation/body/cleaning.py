@@ -12,12 +12,13 @@ from forceid.estimation.body.deformation_residual import Beyond, bases_beside, b
 from forceid.estimation.body.deforming.strains import strain_shapes
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.body.mass_center import tracked_mass_center, with_center, without_gaps
+from forceid.estimation.body.tracks.exchanged import put_back
 from forceid.estimation.body.tracks.source_filter import source_filter, undone
 from forceid.estimation.body.tracks.spikes import clipped, off_the_shape, spikes, wild_rates
 from forceid.flight.color import LowPassed
 from forceid.flight.model import Flight
 from forceid.flight.smoother import FlightState
-from forceid.kalman.tuning.robust import drop_wild, unswap
+from forceid.kalman.tuning.robust import drop_wild
 from forceid.records import Array, Body, Flags, Motion, all_finite
 from forceid.rounding import SINGLE
 from forceid.significance import SIGMAS
@@ -88,7 +89,7 @@ def cleaned(body: Body, motion: Motion, kin: Kinematics | None = None) -> tuple[
     cut, axis, edge = clipped(motion.position)
     mended = Mended(stuck=int(cut.any(1).sum()), frames=len(cut), axis=axis, edge=edge)
     known = np.where(cut[..., None], np.nan, motion.position) if cut.any() else motion.position
-    position, traded = unswap(known)
+    position, traded = put_back(known, body.position)
     if traded:
         names, first = tuple(sorted({body.node[t.channel] for t in traded})), motion.time[traded[0].sample]
         mended = replace(mended, exchanged=names, exchanges=len(traded) // 2, exchanged_s=float(first))

@@ -101,12 +101,13 @@ def runs(flag: Flags) -> list[tuple[int, int]]:
     return [(int(a), int(b - a)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def unswap(position: Array) -> tuple[Array, tuple[Rejection, ...]]:
+def unswap(position: Array, among: Flags | None = None) -> tuple[Array, tuple[Rejection, ...]]:
     """Marker tracks (time, node, 3) with traded places undone, and the frames at which two markers traded.
 
     Each frame is predicted from the two before it. Two markers that are both far from where they should be,
     and near to where the other one should be, have traded places: they are traded back from there on, until
-    they trade again. Gaps stay gaps; the prediction starts anew behind them.
+    they trade again. Gaps stay gaps; the prediction starts anew behind them. among (node, node): pairs that
+    may have, all where it is not given.
     """
     x, found = position.copy(), []
     off = np.linalg.norm(x[2:] - 2 * x[1:-1] + x[:-2], axis=2)  # of frames 2 and on
@@ -117,7 +118,8 @@ def unswap(position: Array) -> tuple[Array, tuple[Rejection, ...]]:
         expected = 2 * x[k - 1] - x[k - 2]
         away = np.linalg.norm(x[k][None] - expected[:, None], axis=2)  # (expected, seen)
         for i, j in combinations(np.flatnonzero(np.diag(away) > 3 * OUTLIER * typical), 2):
-            if max(away[i, j], away[j, i]) < OUTLIER * typical:
+            may = among is None or among[i, j]
+            if may and max(away[i, j], away[j, i]) < OUTLIER * typical:
                 x[k:, [i, j]] = x[k:, [j, i]]
                 found += [Rejection(int(k), int(m), float(away[m, m] / typical), "swapped") for m in (i, j)]
     return x, tuple(found)

@@ -7,7 +7,7 @@ among all samples cost. Source: principal equations 4e.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -50,10 +50,10 @@ def with_character(
     level = Evidence(channel, prior, engine, free).of(pieces)
     for _ in range(ITERATIONS):
         evidence = Evidence(channel, prior, engine, free)
-        found = added(evidence, pieces)
-        if found is None:
+        begun = added(evidence, pieces)
+        if begun is None:
             break
-        near = prior
+        near, found = begun
         for _ in range(2):  # what moves under one prior is tuned, and moves again
             size = found.size[longest(time, found)]
             found = replace(found, size=found.size / size)
@@ -71,11 +71,11 @@ def with_character(
     return prior
 
 
-def added(evidence: Evidence, pieces: Pieces) -> Pieces | None:
+def added(evidence: Evidence, pieces: Pieces) -> tuple[LoadPrior, Pieces] | None:
     """The pieces with an edge or two more, where the prior drives a load hardest or is surprised most.
 
     Or, where there are none yet, all of a load that is strong and weak by turns: each pair of its edges by
-    itself leaves both in one piece.
+    itself leaves both in one piece. And the prior under which they are likelier.
     """
     time, tried = evidence.channel.time, []
     model = channel_model(evidence.channel, evidence.prior)
@@ -94,7 +94,41 @@ def added(evidence: Evidence, pieces: Pieces) -> Pieces | None:
     if len(evidence.given) and len((more := pieces.cut(evidence.given)).edges) > len(pieces.edges):
         found.append(as_large_as_likely(evidence, more, evidence.given))
     likely, best = max(found, key=lambda one: one[0], default=(-np.inf, pieces))
-    return best if likely > evidence.of(pieces) else None
+    level = evidence.of(pieces)
+    if likely > level:
+        return evidence.prior, best
+    likely, prior, best = best_of_slower(evidence, groups) if groups else (-np.inf, evidence.prior, pieces)
+    return (prior, best) if likely > level else None
+
+
+def best_of_slower(evidence: Evidence, groups: Sequence[list[Pieces]]) -> tuple[float, LoadPrior, Pieces]:
+    """As `best_of`, of a load that is as fast as the prior says where it is strong, and slower elsewhere.
+
+    Along each axis along which that is likelier: one prior of a load that a blow is in follows the blow, and
+    is too fast for the load around it.
+    """
+    kernel, found = evidence.prior.kernel, []
+    assert isinstance(kernel, Matern)
+    for factor in COARSE_SIZES:
+        hasty = [[hasty_inside(one, factor) for one in group] for group in groups]
+        tried = [one for group in hasty for one in group]
+        slow = replace(kernel, rate=kernel.rate / factor)
+        other = replace(evidence, prior=evidence.prior.with_kernel(slow))
+        each = np.stack([evidence.by_axis(tried), other.by_axis(tried) - NUMBER])
+        for group in hasty:
+            own, each = each[:, : len(group)], each[:, len(group) :]
+            slower, size = np.divmod(own.reshape(-1, 3).argmax(0), len(group))
+            sizes = np.stack([group[k].size[:, axis] for axis, k in enumerate(size)], 1)
+            rate = np.where(slower, slow.rate, kernel.rate)
+            found.append((float(own.max((0, 1)).sum()), rate, replace(group[0], size=sizes)))
+    likely, rate, pieces = max(found, key=lambda one: one[0])
+    return likely, evidence.prior.with_kernel(replace(kernel, rate=rate)), pieces
+
+
+def hasty_inside(pieces: Pieces, factor: float) -> Pieces:
+    """The pieces whose load changes so many times faster where it is largest."""
+    largest = pieces.size.max(1) >= pieces.size.max()
+    return replace(pieces, haste=np.where(largest, factor * pieces.haste, pieces.haste))
 
 
 def by_turns(evidence: Evidence, x: Array) -> list[list[Pieces]]:

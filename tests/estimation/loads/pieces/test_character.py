@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from evidence.calibration.record import drawn_record
+from evidence.drawn.edges import drawn_flight
 from evidence.strangers.attempt import attempt
+from forceid.config import load_settings
 from forceid.estimation.loads.channels import tune_channel
 from forceid.estimation.loads.pieces import character
 from forceid.estimation.loads.pieces.character import with_character
 from forceid.estimation.loads.pieces.edges import Spread, share_of_cells, spread_of
 from forceid.estimation.loads.pieces.impulses import change_cov
+from forceid.estimation.run import estimate_recording
 from forceid.flight.channels import Channel
 from forceid.flight.priors.protocol import channel_model
 from forceid.kalman.engines import engine
@@ -239,3 +242,15 @@ def test_what_shocks_change_compiled_is_what_is_written_in_numpy(steady):
     given = F, H, run, K, W, v, seen, 6, 12
     for ours, plain in zip(character.compiled.shocks(*given), character.shocks_in_numpy(*given), strict=True):
         np.testing.assert_allclose(ours, plain, rtol=1e-9, atol=1e-9 * np.abs(plain).max())
+
+
+def test_a_blow_that_one_prior_would_follow_is_a_piece_and_the_load_around_it_is_known():
+    case = drawn_flight(52763, 27, "impact")
+    recording, force, _ = case["with"]
+    found = estimate_recording(recording, load_settings())
+    assert np.abs(found.impulses.start[1:] - case["begin"]).min() * case["rate"] < 2
+    away = np.abs(case["time"] - case["begin"]) > 0.05
+    alone = estimate_recording(case["without"][0], load_settings())
+    off, own = (np.sqrt(((e.force - force)[away] ** 2).mean()) for e in (found, alone))
+    assert off < 2 * own
+    assert off < 1.5 * np.sqrt((found.force_std[away] ** 2).mean())
