@@ -36,7 +36,8 @@ class PlainChannel:
     frame (sample,): which frame of the recording each sample is; whole (sample,): nothing was bridged there.
     residual (sample, column) m: what an affine motion leaves of the markers where z takes it for granted, no
     columns where it does not, of which the part `free` is not fitted; lever: change of z by one marker that
-    is off. corner (3,) Hz: below it the noise of z adds up, as that of a turn does in a spin.
+    is off. corner (3,) Hz: below it the noise of z adds up, as that of a turn does in a spin. summed: whether
+    z adds up from frame to frame what a gap loses.
     """
 
     time: Array
@@ -47,6 +48,12 @@ class PlainChannel:
     free: float = 1.0
     lever: float = 0.0
     corner: Array = field(default_factory=lambda: np.zeros(3))
+    summed: bool = False
+
+    @property
+    def lost(self) -> Indices:
+        """Frames (sample,) before each sample that what z adds up lacks."""
+        return self.frame - np.arange(len(self.frame)) if self.summed else np.zeros(len(self.frame), int)
 
 
 class PlainRoute(NamedTuple):
@@ -160,7 +167,7 @@ def plain_moment_channel(
     found = seen_of(motion.time, z, whole)
     white = np.diagonal(turned.noise_cov, axis1=1, axis2=2).mean(0) * np.median(np.diff(turned.time))
     corner = np.sqrt(np.diagonal(turned.drift).clip(0) / white) / (2 * np.pi)
-    return None if found is None else replace(found, corner=corner)
+    return None if found is None else replace(found, corner=corner, summed=True)
 
 
 def seen_of(time: Array, z: Array, whole: Flags) -> PlainChannel | None:

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from evidence.drawn.edges import flown as flown_states
 from evidence.subjects.flights.drawn_loads import draw_matern
+from evidence.vectors import GRAVITY
 from forceid.config import load_settings
 from forceid.errors import EstimationError
 from forceid.estimation import routes, run
@@ -23,7 +25,7 @@ from forceid.estimation.witness.witness import (
     yielding,
 )
 from forceid.files.result import read_result, write_result
-from forceid.records import Body
+from forceid.records import Body, Motion
 
 
 def pushed(seed, frames=200, rate=100.0):
@@ -196,3 +198,29 @@ def test_what_a_load_gave_in_a_long_gap_is_not_held_against_it():
     lost = np.where(time < 0.5, 0, 20)
     np.testing.assert_allclose(apiece(time, wave + jump, lost), apiece(time, wave, lost), atol=1e-12)
     np.testing.assert_array_equal(apiece(time, jump, lost // 5), jump)
+
+
+def test_a_gap_in_all_markers_is_no_difference_of_the_moment():
+    t, off = np.arange(400) / 200.0, []
+    J = np.diag([2e-3, 3e-3, 4e-3])
+    for seed in range(6):
+        rng = np.random.default_rng([611, seed])
+        w, phase = 2 * np.pi * rng.uniform(1, 12, (4, 3)), rng.uniform(0, 2 * np.pi, (4, 3))
+        size = 0.1 * rng.standard_normal((4, 3))
+
+        def load(at, _, size=size, w=w, phase=phase):
+            return np.zeros(3), (size * np.sin(w * at + phase)).sum(0)
+
+        start = np.concatenate([np.zeros(6), Rotation.random(rng=rng).as_quat(), J @ rng.normal(0, 8, 3)])
+        path = flown_states(t, start, 0.5, J, load, [])
+        place = rng.uniform(-0.1, 0.1, (8, 3))
+        R = Rotation.from_quat(path[:, 6:10]).as_matrix()
+        x = path[:, None, :3] + np.einsum("tab,nb->tna", R, place) + 2e-4 * rng.standard_normal((400, 8, 3))
+        x[130:165] = np.nan
+        names = tuple(f"m{k}" for k in range(8))
+        body = Body(names, place, total_mass=0.5, mass_center=np.zeros(3), inertia=J)
+        channel = plain_route(body, Motion(t, x, gravity=GRAVITY)).moment
+        moment = np.array([load(at, None)[1] for at in t])
+        _, numbers = compared(t, channel, moment, np.full((400, 3), 0.01))
+        off.append((numbers["difference"] / numbers["limit"]).max())
+    assert max(off) < 1
