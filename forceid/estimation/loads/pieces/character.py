@@ -93,6 +93,7 @@ def added(evidence: Evidence, pieces: Pieces) -> tuple[LoadPrior, Pieces] | None
     found = [best_of(evidence, *groups)] if groups else []
     if len(evidence.given) and len((more := pieces.cut(evidence.given)).edges) > len(pieces.edges):
         found.append(as_large_as_likely(evidence, more, evidence.given))
+        groups.append(sized_anew(more, evidence.given))
     likely, best = max(found, key=lambda one: one[0], default=(-np.inf, pieces))
     level = evidence.of(pieces)
     if likely > level:

@@ -254,3 +254,12 @@ def test_a_blow_that_one_prior_would_follow_is_a_piece_and_the_load_around_it_is
     off, own = (np.sqrt(((e.force - force)[away] ** 2).mean()) for e in (found, alone))
     assert off < 2 * own
     assert off < 1.5 * np.sqrt((found.force_std[away] ** 2).mean())
+
+
+def test_a_moment_is_cut_where_the_force_is_though_one_prior_would_follow_it():
+    case = drawn_flight(52763, 25, "contact")
+    recording, _, moment = case["with"]
+    found = estimate_recording(recording, load_settings())
+    near = (case["time"] > case["begin"] - 0.05) & (case["time"] < case["end"] + 0.05)
+    off = np.sqrt(((found.moment - moment)[near] ** 2).mean() / (found.moment_std[near] ** 2).mean())
+    assert off < 2
