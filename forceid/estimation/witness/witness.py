@@ -136,9 +136,8 @@ def apart_in_bands(
     numbers = {name: np.full(3, np.nan) for name in COMPARED}
     seen = np.isfinite(load) & np.isfinite(claim)
     beside = channel.z - (integrated(time, load, 2) if path is None else path)[channel.frame]
-    missing = np.cumsum(~seen, 0)[channel.frame] + channel.lost[:, None]
-    shown = seen[channel.frame] & channel.whole[:, None]
-    for column, known, lost in zip(beside.T, shown.T, missing.T, strict=True):
+    missing, shown = np.cumsum(~seen, 0)[channel.frame], seen[channel.frame] & channel.whole[:, None]
+    for column, known, lost in zip(beside.T, shown.T, missing.T + channel.lost, strict=True):
         if known.sum() < FEW:
             column[:] = 0.0
             continue

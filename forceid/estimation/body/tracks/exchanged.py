@@ -11,14 +11,13 @@ from itertools import combinations
 
 import numpy as np
 
-from forceid.estimation.body.tracks.spikes import DROPS, FAR, FEWEST, NORMAL, median
+from forceid.estimation.body.tracks.spikes import DROPS, FAR, FEWEST, NORMAL, PARTNERS, median
 from forceid.kalman.tuning.robust import Rejection, runs, unswap
 from forceid.records import Array, Flags, Indices, all_finite
 from forceid.rounding import SOLVED
 from forceid.significance import SIGMAS
 
-ANCHORS = 8  # markers that others are measured from: enough to tell the three numbers of a place
-TELLING = 6.0  # distances that tell all that a place does: each tells a third, of the noise of two markers
+ALL_OF_PLACE = 6.0  # distances that tell a place whole: each a third of it, by the noise of two markers
 SUSPECTS = 4  # markers of a frame that are farthest off: two pairs may have traded at once
 SUSPECT = 2.0  # rms deviation of distances that may be of a trade: by markers seven times their noise apart
 LOOKED_AT = 64  # markers at most whose pairs are looked at: more take long, and lie too near to each other
@@ -42,15 +41,15 @@ def put_back(position: Array, told: Array | None = None) -> tuple[Array, tuple[R
     shown = np.flatnonzero(all_finite(position).any(0))
     if not FEWEST <= len(shown) <= LOOKED_AT:
         return unswap(position)
-    anchors = shown[np.unique(np.linspace(0, len(shown) - 1, ANCHORS).astype(int))]
-    apart = distances(position, anchors)
+    anchors = shown[np.unique(np.linspace(0, len(shown) - 1, PARTNERS).astype(int))]
+    apart = measured_from(position, anchors)
     usual, steps = median(apart[None])[0], median(np.abs(np.diff(apart, axis=0))[None])[0]
     scale, least = median(np.abs(apart - usual)[None])[0], SOLVED * np.nan_to_num(apart).max()
-    rule = Rule(anchors, usual, np.maximum(NORMAL * scale, least))
+    rule = UsualDistances(anchors, usual, np.maximum(NORMAL * scale, least))
     beside = replace(rule, scale=np.maximum(NORMAL * steps, least))
     x, traded, left = position.copy(), dict[tuple[int, int], Flags](), np.arange(len(position))
     for _ in range(DROPS):  # the likeliest pair of each frame first
-        now = distances(x, anchors)
+        now = measured_from(x, anchors)
         found = rule.likeliest(now[left])
         for pair in map(tuple, np.unique(found[found[:, 0] >= 0], axis=0).tolist()):
             at = np.isin(np.arange(len(x)), left[(found == pair).all(1)])
@@ -82,7 +81,7 @@ def exchange(x: Array, frames: Flags, pair: tuple[int, int]) -> None:
     x[frames, i], x[frames, j] = x[frames, j], x[frames, i].copy()
 
 
-def distances(position: Array, anchors: Indices) -> Array:
+def measured_from(position: Array, anchors: Indices) -> Array:
     """Distances (time, node, anchor) of markers from anchors, NaN from itself and where one is unseen."""
     between = position[:, :, None] - position[:, None, anchors]
     found = np.sqrt(np.einsum("tnka,tnka->tnk", between, between))
@@ -91,7 +90,7 @@ def distances(position: Array, anchors: Indices) -> Array:
 
 
 @dataclass(frozen=True)
-class Rule:
+class UsualDistances:
     """What distances (node, anchor) m from anchors (anchor,) are as a rule, and deviate by."""
 
     anchors: Indices
@@ -113,7 +112,7 @@ class Rule:
         numbers = (*apart.shape[:-2], 2 * len(self.anchors))
         stay, trade = (self.off(apart, pair, own).reshape(numbers) for own in (pair, pair[..., ::-1]))
         count = np.isfinite(stay).sum(-1)
-        gained = np.nansum(stay - trade, -1) * np.minimum(1.0, 2 * TELLING / np.maximum(count, 1))
+        gained = np.nansum(stay - trade, -1) * np.minimum(1.0, 2 * ALL_OF_PLACE / np.maximum(count, 1))
         middle = median(trade.reshape(-1, numbers[-1])).reshape(count.shape)
         return gained, np.where(count > 0, middle, np.inf)
 
@@ -163,7 +162,7 @@ class Rule:
 
     def belongs_otherwise(self, told: Array, pair: tuple[int, int]) -> bool:
         """Whether places told (node, 3) belong to a pair the other way round."""
-        apart = distances(told[None], self.anchors)[0]
+        apart = measured_from(told[None], self.anchors)[0]
         return bool(self.gained(apart[list(pair)], np.array(pair))[0] > FAR**2)
 
     def sigma(self, apart: Array, pair: tuple[int, int]) -> float:
