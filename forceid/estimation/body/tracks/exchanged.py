@@ -48,8 +48,8 @@ def put_back(position: Array, told: Array | None = None) -> tuple[Array, tuple[R
     rule = UsualDistances(anchors, usual, np.maximum(NORMAL * scale, least))
     beside = replace(rule, scale=np.maximum(NORMAL * steps, least))
     x, traded, left = position.copy(), dict[tuple[int, int], Flags](), np.arange(len(position))
+    now = apart
     for _ in range(DROPS):  # the likeliest pair of each frame first
-        now = measured_from(x, anchors)
         found = rule.likeliest(now[left])
         for pair in map(tuple, np.unique(found[found[:, 0] >= 0], axis=0).tolist()):
             at = np.isin(np.arange(len(x)), left[(found == pair).all(1)])
@@ -59,6 +59,7 @@ def put_back(position: Array, told: Array | None = None) -> tuple[Array, tuple[R
         left = left[found[:, 0] >= 0]
         if not len(left):
             break
+        now = measured_from(x, anchors)
     for pair, at in traded.items():
         if told is not None and rule.belongs_otherwise(told, pair):
             exchange(x, np.ones(len(x), bool), pair)
@@ -71,7 +72,7 @@ def put_back(position: Array, told: Array | None = None) -> tuple[Array, tuple[R
         for m in pair
         if k < len(x)
     ]
-    x, more = unswap(x, rule.alike)
+    x, more = unswap(x, rule.alike(shown))
     return x, tuple(sorted((*named, *more), key=lambda one: (one.sample, one.channel)))
 
 
@@ -83,8 +84,10 @@ def exchange(x: Array, frames: Flags, pair: tuple[int, int]) -> None:
 
 def measured_from(position: Array, anchors: Indices) -> Array:
     """Distances (time, node, anchor) of markers from anchors, NaN from itself and where one is unseen."""
-    between = position[:, :, None] - position[:, None, anchors]
-    found = np.sqrt(np.einsum("tnka,tnka->tnk", between, between))
+    found = np.zeros((*position.shape[:2], len(anchors)))
+    for axis in range(3):  # one at a time: a third of the memory
+        found += (position[:, :, None, axis] - position[:, None, anchors, axis]) ** 2
+    found = np.sqrt(found, out=found)
     found[:, anchors, range(len(anchors))] = np.nan
     return np.asarray(found)
 
@@ -153,12 +156,12 @@ class UsualDistances:
             out[first : first + length] = any(jumps)
         return out
 
-    @property
-    def alike(self) -> Flags:
-        """Pairs (node, node) that no distance tells apart."""
-        n = len(self.usual)
-        pair = np.stack(np.meshgrid(range(n), range(n), indexing="ij"), -1)
-        return np.asarray(self.gained(self.usual[pair[..., ::-1]], pair)[0] <= FAR**2)
+    def alike(self, shown: Indices) -> Flags:
+        """Pairs (node, node) of the markers shown that no distance tells apart."""
+        pair = np.stack(np.meshgrid(shown, shown, indexing="ij"), -1)
+        found = np.zeros((len(self.usual), len(self.usual)), bool)
+        found[np.ix_(shown, shown)] = self.gained(self.usual[pair[..., ::-1]], pair)[0] <= FAR**2
+        return found
 
     def belongs_otherwise(self, told: Array, pair: tuple[int, int]) -> bool:
         """Whether places told (node, 3) belong to a pair the other way round."""
