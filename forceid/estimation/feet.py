@@ -5,7 +5,8 @@ near to it carry, or the lower one. How fast it is shows over a while, so that a
 before and behind. What motion does not tell, a rule says: the pressure under a foot is under its middle, to
 half of its length, and twists it by friction within that reach; and two feet, of which motion tells the sum
 alone, push along the ground as they push against it, and apart by anything between none and what points each
-force at the mass center, as legs do that push along themselves. Of wrenches w_k with
+force at the mass center, as legs do that push along themselves. Either may carry all, most likely the one
+that stands alone before or behind, for as long as a body takes to fall over. Of wrenches w_k with
 mean mu_k and covariance P_k by that rule, whose sum is W to a covariance C,
 w_k = mu_k + P_k (P_1 + P_2 + C)^-1 (W - mu_1 - mu_2).
 """
@@ -19,6 +20,7 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from forceid.config import FootSetting
 from forceid.errors import ConfigError
+from forceid.kalman.tuning.robust import runs
 from forceid.principal import transport_matrix
 from forceid.records import Array, Feet, Flags, Motion
 from forceid.rounding import SINGLE
@@ -30,7 +32,6 @@ LEVEL = 0.05  # part of the record in which a foot stands lowest: its level
 STEADY = 0.06  # s over which its speed is taken
 WIDE = 0.4  # width of a foot over its length
 FREE_FORCE = 10.0  # times the weight, by which a force that the rule does not tell is off: as good as free
-HALF_OFF = 0.5  # of the whole, by which a share is off a half at most: all, or none
 PUSH_APART = 0.1  # of the vertical force on the lesser foot, that both may push apart by beside
 FEET = ("left_foot", "right_foot")  # as tables of persons name them
 
@@ -102,7 +103,9 @@ def split_by_foot(
         sole = middle[stands] + up * (level.mean() - middle[stands] @ up)[..., None]
         reach = np.array([one.reach for one in feet])
         spread = reach[:, None, None] ** 2 * np.stack([pressed(x[stands], up) for x in points], 1)
-        rule = Rule(may[stands], sole - center[stands, None], up, spread)
+        arm = sole - center[stands, None]
+        falls = float(np.sqrt(np.median(np.abs(arm @ up)) / np.linalg.norm(motion.gravity)))
+        rule = Rule(carrying(motion.time, may, falls)[stands], arm, up, spread)
         wrench[stands], own[stands], share[stands], std[stands] = shared(W[stands], cov[stands], rule)
     found = Feet(
         tuple(one.name for one in feet), wrench[..., :3], own[..., :3, :3], touches.astype(float), share, std
@@ -127,11 +130,11 @@ def pressed(x: Array, up: Array) -> Array:
 
 @dataclass(frozen=True)
 class Rule:
-    """Where two feet may push: may (time, 2) touch, arm (time, 2, 3) m of their soles from the mass center,
-    up (3,), and spread (time, 2, 3, 3) m2 of the moment of a unit force on each.
+    """Where two feet may push: odds (time, 2) that each carries all, arm (time, 2, 3) m of their soles from
+    the mass center, up (3,), and spread (time, 2, 3, 3) m2 of the moment of a unit force on each.
     """
 
-    may: Flags
+    odds: Array
     arm: Array
     up: Array
     spread: Array
@@ -144,40 +147,63 @@ def shared(W: Array, cov: Array, rule: Rule) -> tuple[Array, Array, Array, Array
     W (time, 6) about the mass center, with cov. Once to share what pushes against the ground, then once more
     for what pushes along it. Of the force on a foot that stands alone the rule tells nothing.
     """
-    up, may = rule.up, rule.may
+    up, odds = rule.up, rule.odds
     known = np.sqrt(np.einsum("a,tab,b->t", up, cov[:, :3, :3], up))
     push = np.maximum(np.abs(W[:, :3] @ up), known)  # no less than is known of it
     push = np.maximum(push, SINGLE * (float(np.nan_to_num(push).max()) or 1.0))
     along = W[:, :3] - (W[:, :3] @ up)[:, None] * up
-    two, even = np.asarray(may.all(1)), may / may.sum(1, keepdims=True)
-    share, std = even, np.where(two, HALF_OFF, 0.0)
+    share, std = odds, np.sqrt(odds.prod(1))  # of all, or none
+    two, either = std > 0, std
     to_center = transport_matrix(rule.arm)
     slope = (rule.arm @ up)[..., None] * up - rule.arm  # from the soles to the mass center
     slope = slope / np.maximum(-rule.arm @ up, FOOT_NEAR)[..., None]
-    against = np.zeros(6)
-    against[:3] = up
     wrench, own, found = np.zeros((len(W), 2, 6)), np.zeros((len(W), 2, 6, 6)), share
     for _ in range(2):
         lean = (share * push[:, None])[..., None] * slope
         lean = lean - share[..., None] * lean.sum(1, keepdims=True)
         mean = np.zeros((len(W), 2, 6))
-        mean[..., :3] = share[..., None] * along[:, None] + (even * push[:, None])[..., None] * up + lean / 2
+        mean[..., :3] = share[..., None] * along[:, None] + (odds * push[:, None])[..., None] * up + lean / 2
         mean = np.einsum("tfij,tfj->tfi", to_center, mean)
-        apart = PUSH_APART * np.hypot(share.min(1), std) * push + std * np.linalg.norm(along, axis=1)
+        passes = along + (share[:, 1:] - share[:, :1]) * push[:, None] * (slope[:, 0] - slope[:, 1]) / 2
+        passes = np.pad(
+            passes + push[:, None] * up, ((0, 0), (0, 3))
+        )  # from foot to foot, by what share does
+        apart = PUSH_APART * np.hypot(share.min(1), std) * push
         apart = np.where(two, apart, FREE_FORCE * push)
         R = np.zeros((len(W), 2, 6, 6))
         R[..., :3, :3] = 2 * apart[:, None, None, None] ** 2 * np.eye(3)
         R[..., :3, :3] += 2 * lean[..., :, None] * lean[..., None, :] / 12  # uniform from none to all of it
         R[..., 3:, 3:] = (np.hypot(share, std[:, None]) * push[:, None])[..., None, None] ** 2 * rule.spread
-        R = R + 2 * (HALF_OFF * push[:, None, None, None]) ** 2 * np.outer(against, against)
-        P = may[..., None, None] * (to_center @ R @ to_center.mT)
+        R = R + 2 * (either**2)[:, None, None, None] * (passes[:, :, None] * passes[:, None])[:, None]
+        P = (odds > 0)[..., None, None] * (to_center @ R @ to_center.mT)
         gain = np.linalg.solve((P.sum(1) + cov)[:, None], P).mT  # P_k (P_1 + P_2 + C)^-1
         wrench = mean + np.einsum("tfij,tj->tfi", gain, W - mean.sum(1))
         own = gain @ (P[:, ::-1] + cov[:, None])
         told = np.sqrt(np.einsum("a,tab,b->t", up, own[:, 0, :3, :3], up)) / push
-        found = np.where(two[:, None], wrench[..., :3] @ up / push[:, None], even)
+        found = np.where(two[:, None], wrench[..., :3] @ up / push[:, None], odds)
         share, std = np.clip(found, 0.0, 1.0), np.where(two, told, 0.0)
     return wrench, own, found, std
+
+
+def carrying(time: Array, may: Flags, falls: float) -> Array:
+    """Odds (time, foot) that a foot carries all: even where both may touch, but near to one that stands alone.
+
+    falls: s that a body takes to fall over; half of the while at most, if both may touch for less than twice
+    that.
+
+    >>> may = np.array([[1, 0], [1, 1], [1, 1], [1, 1], [0, 1]], bool)
+    >>> carrying(np.arange(5.0), may, 9.0).tolist()
+    [[1.0, 0.0], [0.75, 0.25], [0.5, 0.5], [0.25, 0.75], [0.0, 1.0]]
+    """
+    odds = may / np.maximum(may.sum(1, keepdims=True), 1)
+    for first, length in runs(may.all(1)):
+        ends = [k for k in (first - 1, first + length) if 0 <= k < len(time) and may[k].any()]
+        inside = slice(first, first + length)
+        half = min(falls, float(time[min(first + length, len(time) - 1)] - time[max(first - 1, 0)]) / 2)
+        for k in ends:
+            near = 1 - np.clip(np.abs(time[inside] - time[k]) / half, 0.0, 1.0)
+            odds[inside] += near[:, None] * (odds[k] - 0.5)
+    return np.asarray(odds)
 
 
 def frames_in(time: Array, seconds: float) -> int:

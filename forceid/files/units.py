@@ -1,27 +1,21 @@
-"""Units of a variable to SI: products of powers such as "mm", "deg/s", "kg m2" or "m s-2"."""
+"""Units of a variable to SI, by pint: products of powers such as "mm", "deg/s", "kg m2" or "m s-2"."""
 
 from __future__ import annotations
 
 import re
-import tomllib
 from functools import lru_cache
 from importlib.resources import files
+from typing import Any
 
 from forceid.errors import DataError
 
-Dimension = tuple[int, int, int, int, int]  # powers of meter, kilogram, second, radian, ampere
-
-_NONE: Dimension = (0, 0, 0, 0, 0)
-_BASE: dict[str, tuple[float, Dimension]] = {
-    "m": (1.0, (1, 0, 0, 0, 0)),
-    "g": (1e-3, (0, 1, 0, 0, 0)),
-    "s": (1.0, (0, 0, 1, 0, 0)),
-    "rad": (1.0, (0, 0, 0, 1, 0)),
-    "A": (1.0, (0, 0, 0, 0, 1)),
-}
-UNIT_TABLES = tomllib.loads((files("forceid.files") / "units.toml").read_text("utf-8"))
-_PREFIX, _PREFIXED, _WHOLE, _NAME = (UNIT_TABLES[name] for name in ("prefix", "prefixed", "whole", "name"))
-_SUPERSCRIPT = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻·⋅", "0123456789-**")
+POWER = re.compile(r"(?<=[A-Za-zµ])\^?(?=[+-]?[0-9])")  # m2, m-2 and m^2 are m**2
+GRAVITY = re.compile(r"\bg_?0\b")  # no power of the gram
+BETWEEN = re.compile(r"(?<=[a-zA-Z])[.-](?=[a-zA-Z])")  # N.m and N-m are N m
+IN_WORDS = re.compile(r"\b(?!Nmm\b)[A-Z][A-Za-z]{2,}\b")  # Meters, RPM
+NUMBER_TO_POWER = re.compile(r"(?<![A-Za-zµ_])[0-9.]+ *(\*\*|\^)")  # may take long, and is no unit
+SCALE = re.compile(r"\s*(\d[\d.]*(?:[eE][+-]?\d+)?)[ *]+(?=[A-Za-zµ])")  # 1e-3 m
+LONGEST = 100  # characters: a product of powers has fewer
 
 
 def si_factor(found: str, expected: str, where: str = "") -> float:
@@ -41,58 +35,40 @@ def si_factor(found: str, expected: str, where: str = "") -> float:
     """
     if found.strip() == expected:
         return 1.0
+    wanted = parse(expected)
+    of_gravity = found.strip() in ("g", "G") and wanted.is_compatible_with("standard_gravity")
     try:
-        b, wanted = parse(expected)
-        a, dimension = parse("g0" if wanted == parse("g0")[1] and found.strip() in ("g", "G") else found)
-    except KeyError as e:
-        raise DataError(
-            f"has units {found!r}, expected {expected!r}",
-            where,
-            f"{e.args[0]!r} is no known unit: write the units as in 'm', 'mm', 'deg/s'",
-        ) from e
-    if dimension == wanted:
-        return float(f"{a / b:.15g}")  # 1e-3 / 1e3 is 1e-6, not 1.0000000000000002e-6
+        given = parse("gn" if of_gravity else found)
+    except Exception as e:  # pint's parser ends in any of ten ways
+        hint = f"{found!r} is no known unit: write the units as in 'm', 'mm', 'deg/s'"
+        raise DataError(f"has units {found!r}, expected {expected!r}", where, hint) from e
+    if given.is_compatible_with(wanted):
+        return float(f"{given.m_as(wanted.units) / wanted.m:.15g}")  # 1e-6, not 1.0000000000000002e-6
     hint = f"convert it to {expected!r} or correct the attribute 'units'"
     raise DataError(f"has units {found!r}, expected {expected!r}", where, hint)
 
 
+@lru_cache(maxsize=1)
+def registry() -> Any:
+    """Pint's registry of the units in units.txt; angles have a dimension there, unlike in pint's own."""
+    from pint import UnitRegistry
+
+    known = UnitRegistry(None)
+    known.load_definitions((files("forceid.files") / "units.txt").read_text("utf-8").splitlines())
+    return known
+
+
 @lru_cache(maxsize=256)
-def parse(text: str) -> tuple[float, Dimension]:
-    """Factor to SI and dimension of a unit; KeyError holds the part that is not known.
+def parse(text: str) -> Any:
+    """One of a unit as a quantity of pint.
 
-    >>> parse("deg/s")[1]
-    (0, 0, -1, 1, 0)
+    >>> str(parse("deg/s").dimensionality)
+    '[angle] / [time]'
     """
-    factor, power = 1.0, list(_NONE)
-    text = re.sub(r"(?<=[a-zA-Z])[.-](?=[a-zA-Z])", " ", text.translate(_SUPERSCRIPT))  # N.m, N-m
-    tokens = re.findall(r"/|[^\s*/]+", text.replace("**", "^"))
-    sign = 1
-    for token in tokens:
-        if token == "/":
-            sign = -1
-            continue
-        scale, dimension, exponent = _atom(token)
-        factor *= scale ** (sign * exponent)
-        power = [p + sign * exponent * d for p, d in zip(power, dimension, strict=True)]
-        sign = 1
-    return factor, (power[0], power[1], power[2], power[3], power[4])
-
-
-def _atom(token: str) -> tuple[float, Dimension, int]:
-    if re.fullmatch(r"\d+(\.\d*)?([eE][+-]?\d+)?", token) and float(token) > 0:
-        return float(token), _NONE, 1
-    symbol, exponent = token, 1
-    if token not in _WHOLE and (m := re.fullmatch(r"(.*?)\^?([+-]?\d+)", token)):
-        symbol, exponent = m[1], int(m[2])
-    name = symbol.lower().removesuffix("s") if len(symbol) > 2 else symbol
-    symbol = _NAME.get(symbol.lower(), _NAME.get(name, symbol))
-    if symbol == "1":
-        return 1.0, _NONE, 1
-    if known := _BASE.get(symbol):
-        return *known, exponent
-    if text := _PREFIXED.get(symbol) or _WHOLE.get(symbol):
-        return *parse(text), exponent
-    if symbol[:1] in _PREFIX and (symbol[1:] in _BASE or symbol[1:] in _PREFIXED):
-        factor, dimension = parse(symbol[1:])
-        return _PREFIX[symbol[0]] * factor, dimension, exponent
-    raise KeyError(token)
+    if len(text) > LONGEST or NUMBER_TO_POWER.search(text):
+        raise ValueError(text)
+    text = IN_WORDS.sub(lambda word: word[0].lower(), GRAVITY.sub("gn", text)).replace("%", "percent")
+    scale = SCALE.match(text)
+    text = text[scale.end() if scale else 0 :].strip()
+    text = "" if text in ("none", "dimensionless") else POWER.sub("**", BETWEEN.sub(" ", text))
+    return registry().Quantity(float(scale[1]) if scale else 1.0, registry().parse_units(text))

@@ -129,7 +129,7 @@ def load_card(estimate: Estimate, name: str, unit: str) -> Card:
     value = f"{typeset(plain(size, 3))} {unit}"
     if not np.isfinite(spread):
         return Card(title, value, "", "its uncertainty is not known")
-    give = f"± {typeset(plain(spread, 2))} {unit}"
+    give = f"± {typeset(plain(spread, 2))} {unit} (2σ)"
     if size < spread:
         return Card(title, value, give, "not told apart from none")
     length = np.linalg.norm(getattr(estimate, name), axis=1)

@@ -42,7 +42,7 @@ def test_three_numbers_are_sizes_with_two_sigma_and_the_band(thrown):
     force, moment, band = cards(replace(estimate, hidden=hidden))
     size = np.sqrt(np.mean(np.sum(estimate.force**2, axis=1)))
     assert float(force.value.split()[0]) == pytest.approx(size, rel=5e-3)
-    assert force.note == f"± {2 * np.linalg.norm([0.05, 0.04, 0.06]):.2g} N"
+    assert force.note == f"± {2 * np.linalg.norm([0.05, 0.04, 0.06]):.2g} N (2σ)"
     assert moment.value.endswith("N m")
     assert band.value == "7 Hz"
 
