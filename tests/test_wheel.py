@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-DATA = (".cpp", ".hpp", ".toml", ".j2", ".css", ".js", ".mplstyle", ".pyi", ".typed")
+DATA = (".cpp", ".hpp", ".toml", ".txt", ".j2", ".css", ".js", ".mplstyle", ".pyi", ".typed")
 
 
 def built(kind, source, folder):

@@ -186,7 +186,7 @@ def shared(W: Array, cov: Array, rule: Rule) -> tuple[Array, Array, Array, Array
 
 
 def carrying(time: Array, may: Flags, falls: float) -> Array:
-    """Odds (time, foot) that a foot carries all: even where both may touch, but near to one that stands alone.
+    """Odds (time, foot) that a foot carries all: even on two that may touch, but near to one that is alone.
 
     falls: s that a body takes to fall over; half of the while at most, if both may touch for less than twice
     that.
@@ -196,7 +196,7 @@ def carrying(time: Array, may: Flags, falls: float) -> Array:
     [[1.0, 0.0], [0.75, 0.25], [0.5, 0.5], [0.25, 0.75], [0.0, 1.0]]
     """
     odds = may / np.maximum(may.sum(1, keepdims=True), 1)
-    for first, length in runs(may.all(1)):
+    for first, length in runs(np.asarray(may.all(1))):
         ends = [k for k in (first - 1, first + length) if 0 <= k < len(time) and may[k].any()]
         inside = slice(first, first + length)
         half = min(falls, float(time[min(first + length, len(time) - 1)] - time[max(first - 1, 0)]) / 2)

@@ -53,7 +53,7 @@ def registry() -> Any:
     """Pint's registry of the units in units.txt; angles have a dimension there, unlike in pint's own."""
     from pint import UnitRegistry
 
-    known = UnitRegistry(None)
+    known: Any = UnitRegistry(None)
     known.load_definitions((files("forceid.files") / "units.txt").read_text("utf-8").splitlines())
     return known
 
