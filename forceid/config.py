@@ -6,7 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, NonNegativeInt, field_validator, model_validator
 
 from forceid.sections import Section, read_toml, validate
 
@@ -215,11 +215,13 @@ class PartSetting(Section):
     Three markers off a line at least. Its mass is that of its nodes, or mass kg, center m and inertia kg m2
     about that center, in the axes of the reference shape. external: whether anything but weight and joints
     may push this part; its load is then solved for. rigid: that it does not bend, so that its joints hold it
-    exactly; so it is for all parts under model = "rigid".
+    exactly; so it is for all parts under model = "rigid". sensors: in place of nodes, where there are no
+    markers, the accelerometers on it (from 0); it has to have a mass, and hardly turns.
     """
 
     name: str
-    nodes: tuple[str | int, ...]
+    nodes: tuple[str | int, ...] = ()
+    sensors: tuple[NonNegativeInt, ...] = ()
     mass: float | None = Field(default=None, gt=0.0)
     center: Vector | None = None
     inertia: tuple[Vector, Vector, Vector] | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from forceid.config import Settings, load_settings
 from forceid.errors import EstimationError
 from forceid.estimation.applied import check_points
+from forceid.estimation.blocks import blocks_of, said_of
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.instruments.accelerometer_array import Field, field_of
 from forceid.estimation.joints.inspection import inspect_linkage
@@ -179,6 +180,8 @@ def inspect(tree: xarray.DataTree, config: Any = None, **settings: Any) -> Inspe
 def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
     """What the recording holds, which wrench components it determines, and up to which frequency."""
     recording = with_stated(recording, settings)
+    if settings.part and is_unmarked(recording.motion):
+        return inspect_blocks(recording, settings)
     linkage = inspect_linkage(recording, settings) if settings.part or settings.joint else None
     recording = without_mechanism(recording, settings)
     body, motion = recording.body, recording.motion
@@ -205,6 +208,17 @@ def inspect_recording(recording: Recording, settings: Settings) -> Inspection:
         leakage=leaks,
         sensitivity=rough_sensitivity(body, motion, settings) if force else None, linkage=linkage,
         findings=tuple(findings),
+    )  # fmt: skip
+
+
+def inspect_blocks(recording: Recording, settings: Settings) -> Inspection:
+    """The same of bodies with accelerometers of their own: what they tell of each, and so of all."""
+    blocks, _, alone = blocks_of(recording, settings)
+    each = [inspect_recording(block.recording, alone) for block in blocks]
+    said = said_of(blocks, [one.findings for one in each])
+    return replace(
+        each[0], title=recording.title, mass_kg=sum(b.mass for b in blocks), moment=False,
+        force=all(one.force for one in each), has_truth="force" in recording.truth, findings=tuple(said),
     )  # fmt: skip
 
 

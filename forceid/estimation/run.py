@@ -12,6 +12,7 @@ from forceid.config import BodyStdSetting, Settings
 from forceid.errors import ConfigError, EstimationError
 from forceid.estimation.applied import check_points
 from forceid.estimation.assembly import assemble, refused_estimate
+from forceid.estimation.blocks import estimate_blocks
 from forceid.estimation.body.affine_fit import shows_affine
 from forceid.estimation.body.cleaning import prepared
 from forceid.estimation.body.kinematics import kinematics
@@ -72,8 +73,12 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
     began = perf_counter()
     with recorded() as spent, stage("rest"), threads_for(rows_solved(recording.body)):
         recording = with_stated(recording, settings)
+        blocks = bool(settings.part) and is_unmarked(recording.motion)
         try:
-            result, solution = estimate_shown(without_mechanism(recording, settings), settings)
+            if blocks:
+                result, solution = estimate_blocks(recording, settings, estimate_whole), None
+            else:
+                result, solution = estimate_shown(without_mechanism(recording, settings), settings)
         except EstimationError as e:
             if not settings.part:
                 raise
@@ -81,7 +86,7 @@ def estimate_recording(recording: Recording, settings: Settings) -> Estimate:
                 refused_estimate(recording, settings, [note("whole-body-fails", error=str(e))]),
                 None,
             )
-        if settings.part or settings.joint:
+        if (settings.part or settings.joint) and not blocks:
             # with forceid.partition: only bodies in parts pay for it
             from forceid.estimation.joints.forces import joint_forces
 

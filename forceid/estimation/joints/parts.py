@@ -186,8 +186,8 @@ def joint_of(setting: JointSetting, names: list[str], body: Body) -> Joint:
     )
     if before == behind:
         raise ConfigError(f"holds '{setting.parts[0]}' to itself", where, "name two parts")
-    assert body.position is not None
     if isinstance(setting.at, str):
+        assert body.position is not None
         at = body.position[index_of(setting.at, body.node, where, "node")]
     else:
         at = np.array(setting.at)
