@@ -28,7 +28,7 @@ from forceid.flight.smoother import FlightState, smooth_flight, smoothed_once_mo
 from forceid.kalman.engines import Engine
 from forceid.motion import log
 from forceid.records import Array
-from forceid.significance import TENTH
+from forceid.significance import TENTH, WILD
 
 # of a logarithm: what differences show as noise is a ceiling, to which motion adds
 QUIETER = (-0.5, -2.5, -4.5)
@@ -89,10 +89,17 @@ def alternatives(first: Reference, search: Search) -> list[Alternative]:
             continue
         if np.isfinite(tried.state.log_likelihood):
             found[kind] = tried
+        if sum(restless(one) for one in found.values()) > 1:  # a third would come to rest no more
+            break
     if not found:
         what = f"bears no estimate ({failed})"
         raise EstimationError(what, "the record of the sensors", "raise the sample rate, or record longer")
     return list(crossed_alternatives(found, search).values())
+
+
+def restless(alternative: Alternative) -> bool:
+    """Whether its path moves on by so much that its likelihood says nothing."""
+    return alternative.left > WILD
 
 
 def likelihood(alternative: Alternative) -> float:
@@ -109,7 +116,7 @@ def crossed_alternatives(found: dict[Kind, Alternative], search: Search) -> dict
         force, moment = (
             max((a for a in found.values() if a.turning[i] == kind[i]), key=likelihood) for i in (0, 1)
         )
-        if force is own and moment is own:
+        if (force is own and moment is own) or restless(own):
             continue
         try:
             if promising(kind, own, force, moment, search):
