@@ -44,7 +44,7 @@ def estimate_blocks(recording: Recording, settings: Settings, solve: Solve) -> E
     return replace(
         whole, force=F.sum(1), wrench_cov=wrench_cov, mass=sum(block.mass for block in blocks),
         nis=np.mean([e.nis for e in each], axis=0), engine=each[0].engine,
-        interface=between(blocks, joints, F, cov) if joints else None,
+        interface=through_joints(blocks, joints, F, cov) if joints else None,
     )  # fmt: skip
 
 
@@ -63,7 +63,7 @@ def blocks_of(
     )
 
 
-def between(blocks: tuple[Part, ...], joints: tuple[Joint, ...], F: Array, cov: Array) -> Interface:
+def through_joints(blocks: tuple[Part, ...], joints: tuple[Joint, ...], F: Array, cov: Array) -> Interface:
     """What passes the joints, axis by axis, where forces F (time, part, 3) with cov act on the parts."""
     links = [(j.before, j.behind) for j in joints] + [(GROUND, k) for k, b in enumerate(blocks) if b.external]
     count, still = len(joints), np.zeros((len(F), len(joints), 3))

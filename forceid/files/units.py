@@ -11,11 +11,11 @@ from forceid.errors import DataError
 
 POWER = re.compile(r"(?<=[A-Za-zµ])\^?(?=[+-]?[0-9])")  # m2, m-2 and m^2 are m**2
 GRAVITY = re.compile(r"\bg_?0\b")  # no power of the gram
-BETWEEN = re.compile(r"(?<=[a-zA-Z])[.-](?=[a-zA-Z])")  # N.m and N-m are N m
+DOTTED = re.compile(r"(?<=[a-zA-Z])[.-](?=[a-zA-Z])")  # N.m and N-m are N m
 IN_WORDS = re.compile(r"\b(?!Nmm\b)[A-Z][A-Za-z]{2,}\b")  # Meters, RPM
 NUMBER_TO_POWER = re.compile(r"(?<![A-Za-zµ_])[0-9.]+ *(\*\*|\^)")  # may take long, and is no unit
 SCALE = re.compile(r"\s*(\d[\d.]*(?:[eE][+-]?\d+)?)[ *]+(?=[A-Za-zµ])")  # 1e-3 m
-LONGEST = 100  # characters: a product of powers has fewer
+MOST_LETTERS = 100  # characters: a product of powers has fewer
 
 
 def si_factor(found: str, expected: str, where: str = "") -> float:
@@ -65,10 +65,10 @@ def parse(text: str) -> Any:
     >>> str(parse("deg/s").dimensionality)
     '[angle] / [time]'
     """
-    if len(text) > LONGEST or NUMBER_TO_POWER.search(text):
+    if len(text) > MOST_LETTERS or NUMBER_TO_POWER.search(text):
         raise ValueError(text)
     text = IN_WORDS.sub(lambda word: word[0].lower(), GRAVITY.sub("gn", text)).replace("%", "percent")
     scale = SCALE.match(text)
     text = text[scale.end() if scale else 0 :].strip()
-    text = "" if text in ("none", "dimensionless") else POWER.sub("**", BETWEEN.sub(" ", text))
+    text = "" if text in ("none", "dimensionless") else POWER.sub("**", DOTTED.sub(" ", text))
     return registry().Quantity(float(scale[1]) if scale else 1.0, registry().parse_units(text))

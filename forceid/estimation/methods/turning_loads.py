@@ -52,6 +52,11 @@ class Alternative:
     state: FlightState
     left: float
 
+    @property
+    def restless(self) -> bool:
+        """Whether its path moves on by so much that its likelihood says nothing."""
+        return self.left > WILD
+
 
 @dataclass(frozen=True)
 class Search:
@@ -89,17 +94,12 @@ def alternatives(first: Reference, search: Search) -> list[Alternative]:
             continue
         if np.isfinite(tried.state.log_likelihood):
             found[kind] = tried
-        if sum(restless(one) for one in found.values()) > 1:  # a third would come to rest no more
-            break
+        if sum(one.restless for one in found.values()) > 1:
+            break  # a third would come to rest no more
     if not found:
         what = f"bears no estimate ({failed})"
         raise EstimationError(what, "the record of the sensors", "raise the sample rate, or record longer")
     return list(crossed_alternatives(found, search).values())
-
-
-def restless(alternative: Alternative) -> bool:
-    """Whether its path moves on by so much that its likelihood says nothing."""
-    return alternative.left > WILD
 
 
 def likelihood(alternative: Alternative) -> float:
@@ -116,7 +116,7 @@ def crossed_alternatives(found: dict[Kind, Alternative], search: Search) -> dict
         force, moment = (
             max((a for a in found.values() if a.turning[i] == kind[i]), key=likelihood) for i in (0, 1)
         )
-        if (force is own and moment is own) or restless(own):
+        if (force is own and moment is own) or own.restless:
             continue
         try:
             if promising(kind, own, force, moment, search):
@@ -129,8 +129,7 @@ def crossed_alternatives(found: dict[Kind, Alternative], search: Search) -> dict
 
 def promising(kind: Kind, own: Alternative, force: Alternative, moment: Alternative, search: Search) -> bool:
     """Whether an alternative is likelier, about its own path, with the priors and the noise of others."""
-    about = own.state.reference
-    assert about is not None
+    assert (about := own.state.reference) is not None
     pair = turning_as(kind, force.force, moment.moment)
     flight = with_noise_of(with_noise_of(own.flight, moment.flight, "moment"), force.flight, "force")
     value = flight_likelihood(flight, *pair, about, search.engine)
