@@ -108,9 +108,7 @@ def likelihood(alternative: Alternative) -> float:
 
 
 def crossed_alternatives(found: dict[Kind, Alternative], search: Search) -> dict[Kind, Alternative]:
-    """Alternatives, each tuned again from the best of the others that share its force or its moment, where
-    that is likelier.
-    """
+    """Alternatives, each tuned again from the best others that share force or moment, where it is likelier."""
     better = dict(found)
     for kind, own in found.items():
         force, moment = (
@@ -129,7 +127,8 @@ def crossed_alternatives(found: dict[Kind, Alternative], search: Search) -> dict
 
 def promising(kind: Kind, own: Alternative, force: Alternative, moment: Alternative, search: Search) -> bool:
     """Whether an alternative is likelier, about its own path, with the priors and the noise of others."""
-    assert (about := own.state.reference) is not None
+    about = own.state.reference
+    assert about is not None
     pair = turning_as(kind, force.force, moment.moment)
     flight = with_noise_of(with_noise_of(own.flight, moment.flight, "moment"), force.flight, "force")
     value = flight_likelihood(flight, *pair, about, search.engine)
