@@ -108,7 +108,7 @@ def likelihood(alternative: Alternative) -> float:
 
 
 def crossed_alternatives(found: dict[Kind, Alternative], search: Search) -> dict[Kind, Alternative]:
-    """Alternatives, each tuned again from the best others that share force or moment, where it is likelier."""
+    """Alternatives, each tuned again from the best that share force or moment, where it is likelier."""
     better = dict(found)
     for kind, own in found.items():
         force, moment = (
