@@ -30,7 +30,7 @@
     const rough = (high - low) / count, ten = 10 ** Math.floor(Math.log10(rough));
     const step = [1, 2, 5, 10].find(s => s * ten >= rough * 0.999) * ten;
     const most = Math.max(Math.abs(low), Math.abs(high));
-    const power = most < 0.01 || most >= 1e5 ? 3 * Math.floor(Math.log10(most) / 3) : 0;
+    const power = most < 0.01 || most >= 1e4 ? 3 * Math.floor(Math.log10(most) / 3) : 0;
     const digits = Math.min(12, Math.max(0, power - Math.floor(Math.log10(step) + 1e-9))), found = [];
     for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++)
       found.push([k * step, minus((k * step / 10 ** power).toFixed(digits))]);
