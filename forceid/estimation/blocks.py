@@ -134,7 +134,7 @@ def said_of(blocks: Sequence[Part], findings: Sequence[Sequence[Finding]]) -> li
         for one in own:
             if one.code == AXES:
                 found[AXES] = one
-            elif one.code != OPEN or "force" in one.text:
+            elif one.code != OPEN or "force" in str(one.values["names"]):
                 text = f"part {block.name}: {one.text}"
                 found[text] = replace(one, values={**one.values, "part": block.name}, text=text)
     return list(found.values())
