@@ -15,6 +15,7 @@ import numpy as np
 from forceid.config import PartSetting, Settings
 from forceid.errors import ConfigError
 from forceid.estimation.assembly import refused_estimate
+from forceid.estimation.instruments.accelerometer_array import READ
 from forceid.estimation.joints.forces import empty_interface
 from forceid.estimation.joints.parts import Joint, Part, check_names, joint_of
 from forceid.estimation.methods.problem import Solution
@@ -22,7 +23,7 @@ from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.finding import judge
 from forceid.partition import link_resultants
 from forceid.partition.coupling.resultants import GROUND
-from forceid.records import Array, Body, Estimate, Finding, Interface, Recording
+from forceid.records import Array, Body, Estimate, Finding, Interface, Motion, Recording
 
 AXES, OPEN = "body-axes", "array-open"  # findings on all accelerometers alike, and on components not told
 ROUND = 0.1  # m: radius of gyration of a block that has none stated
@@ -97,7 +98,10 @@ def block_of(setting: PartSetting, recording: Recording) -> Part:
         raise ConfigError("has no markers here", where, "give sensors, the accelerometers on it, from 0")
     if setting.mass is None:
         raise ConfigError("has no mass", where, "give its mass in kg")
-    assert body.sensor_position is not None
+    if body.sensor_position is None or motion.specific_force is None:
+        raise ConfigError(
+            "names accelerometers, and the motion file holds none", where, "add them, or markers"
+        )
     if (last := max(setting.sensors)) >= (count := len(body.sensor_position)):
         raise ConfigError(f"names accelerometer {last}, of {count}", where, "count them from 0")
     own = list(setting.sensors)
@@ -109,8 +113,9 @@ def block_of(setting: PartSetting, recording: Recording) -> Part:
         inertia=round_one if setting.inertia is None else np.array(setting.inertia), sensor_position=at,
         sensor_rotation=None if body.sensor_rotation is None else body.sensor_rotation[own],
     )  # fmt: skip
-    read = None if motion.specific_force is None else motion.specific_force[:, own]
-    shown = replace(motion, specific_force=read, angular_velocity=None)
+    noise = {name: std for name, std in motion.noise_std.items() if name.startswith(READ)}
+    read = motion.specific_force[:, own]
+    shown = Motion(motion.time, specific_force=read, gravity=motion.gravity, noise_std=noise)
     part = Recording(own_body, shown, title=setting.name, sha256=recording.sha256)
     return Part(setting.name, part, setting.mass, center, setting.external, setting.rigid)
 
@@ -125,6 +130,9 @@ def check_blocks(settings: Settings, recording: Recording) -> None:
     if settings.known_load or settings.foot or recording.known_loads is not None:
         what = "stand beside parts that accelerometers alone show"
         raise ConfigError(what, "known_load and foot", "add markers, or leave them out")
+    if others := sorted(set(recording.motion.readings) - {READ}):
+        what = "stands beside accelerometers that are of parts, and is of none"
+        raise ConfigError(what, f"/motion/{others[0]}", "leave it out, or estimate its part by itself")
 
 
 def said_of(blocks: Sequence[Part], findings: Sequence[Sequence[Finding]]) -> list[Finding]:

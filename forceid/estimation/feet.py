@@ -164,10 +164,9 @@ def shared(W: Array, cov: Array, rule: Rule) -> tuple[Array, Array, Array, Array
         mean = np.zeros((len(W), 2, 6))
         mean[..., :3] = share[..., None] * along[:, None] + (odds * push[:, None])[..., None] * up + lean / 2
         mean = np.einsum("tfij,tfj->tfi", to_center, mean)
+        # from foot to foot, by what the share does
         passes = along + (share[:, 1:] - share[:, :1]) * push[:, None] * (slope[:, 0] - slope[:, 1]) / 2
-        passes = np.pad(
-            passes + push[:, None] * up, ((0, 0), (0, 3))
-        )  # from foot to foot, by what share does
+        passes = np.pad(passes + push[:, None] * up, ((0, 0), (0, 3)))
         apart = PUSH_APART * np.hypot(share.min(1), std) * push
         apart = np.where(two, apart, FREE_FORCE * push)
         R = np.zeros((len(W), 2, 6, 6))

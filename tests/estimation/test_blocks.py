@@ -1,5 +1,7 @@
 """Bodies that crush, each with an accelerometer: forces of wall and joints beside a truth that was flown."""
 
+from dataclasses import replace
+
 import h5py
 import numpy as np
 import pytest
@@ -102,6 +104,13 @@ def test_the_command_finds_them_and_draws_them(tmp_path, capsys):
     assert main(["report", str(tmp_path / "crash.r.h5"), "-o", str(tmp_path / "crash.html")]) == 0
     with h5py.File(tmp_path / "crash.r.h5") as f:
         assert "interface" in f
+
+
+def test_a_gyro_that_is_of_no_part_is_refused():
+    recording, asked, _ = crushed(0)
+    turned = replace(recording.motion, angular_velocity=np.zeros((len(recording.motion.time), 3, 3)))
+    with pytest.raises(ConfigError, match="angular_velocity stands beside accelerometers that are of parts"):
+        estimate_recording(replace(recording, motion=turned), load_settings(**asked))
 
 
 @pytest.mark.parametrize(
