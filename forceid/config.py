@@ -228,6 +228,13 @@ class PartSetting(Section):
     external: bool = False
     rigid: bool = False
 
+    @model_validator(mode="after")
+    def one_sight(self) -> Self:
+        """Seen by markers or by accelerometers."""
+        if self.nodes and self.sensors:
+            raise ValueError(f"{self.name} has nodes and sensors, expected one of them")
+        return self
+
 
 class JointSetting(Section):
     """What holds two parts together at one point, a node or a place (m) in the reference shape.

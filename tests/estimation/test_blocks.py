@@ -106,6 +106,15 @@ def test_the_command_finds_them_and_draws_them(tmp_path, capsys):
         assert "interface" in f
 
 
+def test_nodes_beside_sensors_and_a_joint_at_a_node_without_a_place_are_refused():
+    recording, asked, _ = crushed(0)
+    both = [asked["part"][0] | {"nodes": ["a"]}, *asked["part"][1:]]
+    with pytest.raises(ConfigError, match="front has nodes and sensors, expected one of them"):
+        load_settings(**asked | {"part": both})
+    with pytest.raises(ConfigError, match="is at node 'a', which has no place"):
+        estimate_recording(recording, load_settings(**asked | {"joint": [JOINTS[0] | {"at": "a"}]}))
+
+
 def test_a_gyro_that_is_of_no_part_is_refused():
     recording, asked, _ = crushed(0)
     turned = replace(recording.motion, angular_velocity=np.zeros((len(recording.motion.time), 3, 3)))

@@ -187,7 +187,8 @@ def joint_of(setting: JointSetting, names: list[str], body: Body) -> Joint:
     if before == behind:
         raise ConfigError(f"holds '{setting.parts[0]}' to itself", where, "name two parts")
     if isinstance(setting.at, str):
-        assert body.position is not None
+        if body.position is None:
+            raise ConfigError(f"is at node '{setting.at}', which has no place", where, "give at in m")
         at = body.position[index_of(setting.at, body.node, where, "node")]
     else:
         at = np.array(setting.at)
@@ -245,6 +246,5 @@ def index_of(name: str, known: Iterable[str], where: str, what: str) -> int:
     if name in names:
         return names.index(name)
     near = difflib.get_close_matches(name, names, n=1, cutoff=0.0)
-    raise ConfigError(
-        f"names the unknown {what} '{name}'", where, f"did you mean '{near[0]}'?" if near else ""
-    )
+    hint = f"did you mean '{near[0]}'?" if near else ""
+    raise ConfigError(f"names the unknown {what} '{name}'", where, hint)
