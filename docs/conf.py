@@ -7,8 +7,6 @@ nor when it is read: equations are drawings within the page.
 import sys
 from pathlib import Path
 
-from jupyter_client.manager import KernelManager
-
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE / "extensions"), str(HERE.parent)]
 
@@ -32,8 +30,6 @@ nb_execution_raise_on_error = True
 nb_execution_show_tb = True
 nb_merge_streams = True
 nb_kernel_rgx_aliases = {".*": "python3"}
-if sys.platform != "win32":
-    KernelManager.transport.default_value = "ipc"  # kernels that nothing on the network can reach
 
 # Reference
 autodoc_type_aliases = {
