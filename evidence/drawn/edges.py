@@ -173,7 +173,7 @@ def of_edges(found: Any, case: dict[str, Any], force: Array) -> dict[str, float]
 
 def of_kind(rows: list[dict[str, Any]], kind: str) -> list[str]:
     """A kind of event in the table."""
-    own = [row for row in rows if kind in (row["kind"], "all")]
+    own = [row for row in rows if row["kind"] == kind]
 
     def middle(name: str) -> str:
         values = [row[name] for row in own if name in row]
@@ -199,7 +199,7 @@ def main() -> int:
     ]
     paged(
         given.output, "edges", "Loads that change character", ABOUT.format(command=given.command), RULE,
-        tabled(HEADS, [of_kind(rows, kind) for kind in (*given.only, "all")]),
+        tabled(HEADS, [of_kind(rows, kind) for kind in given.only]),
         *["Silently wrong, over claim (over: in the band), and beside the plain route:"] * bool(silent),
         *["\n".join(silent)] * bool(silent),
     )  # fmt: skip

@@ -15,15 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from forceid.estimation.body.segment_color import color_of, source_of
 from forceid.estimation.body.tracks.bridging import straight
-from forceid.estimation.body.tracks.marker_errors import COLORS, MEMORIES, SPECTRAL
-from forceid.flight.color import Color
+from forceid.estimation.body.tracks.marker_errors import SPECTRAL
+from forceid.flight.color import Color, LowPassed
 from forceid.motion import fit_rotation
 from forceid.principal import cross_matrix
 from forceid.records import Array, Body, Flags, Indices, Motion, all_finite
 from forceid.significance import TENTH
 
-NEARLY_NONE = np.geomspace(TENTH**4, 1.0, 17)  # white shares of the variance: smoothed tracks have none
 FIXED_BY = 3  # markers that fix how a segment stands
 MISPLACED = 0.03  # m, by which a joint may be off in a segment: half the width of a limb
 LASTING = 10  # samples that an error of the skin lasts: of as many one counts
@@ -33,15 +33,19 @@ LASTING = 10  # samples that an error of the skin lasts: of as many one counts
 class SegmentNoise:
     """Errors of the segments of a body, world axes, one size and color for all.
 
-    var (3,) m2 of a segment along each axis, in the mean over the record; size (time,): how large errors are
-    at a time, of mean square one; share (segment, node): of a node that markers of the segment place; owner
-    (node,): the segment of each, its own or the one that places most of it.
+    var (3,) m2 of a segment along each axis, in the mean over the record; most: the std of the loudest joint
+    over that; doubt: variance of the logarithm of errors, from joint to joint; size (time,): how large errors
+    are at a time, of mean square one; source: filter that the tracks went through, None for none; share
+    (segment, node): of a node that markers of the segment place; owner (node,): the segment of each, its own
+    or the one that places most of it.
     """
 
     var: Array
     most: float
+    doubt: float
     size: Array
     color: Color
+    source: LowPassed | None
     share: Array
     owner: Indices
 
@@ -76,12 +80,14 @@ def segment_noise(body: Body, time: Array, poses: SegmentPoses) -> SegmentNoise 
     color = color_of(gaps, step)
     even = evened(gaps, step, color)
     var = (even**2).mean(0)
-    usual = 0.5 * np.median(var, axis=0)
+    usual, size = 0.5 * np.median(var, axis=0), local_size(even, step, color)
     most = float(np.sqrt((var.max(0) / usual).mean()))
+    doubt = float(np.var(np.log((var / usual).mean(1))))
+    source = source_of(gaps, step, doubt)
     share = shares(body, poses)
     owner = share.argmax(0)
     owner[poses.segment] = np.arange(len(poses.segment))
-    return SegmentNoise(usual, most, local_size(even, step, color), color, share, owner)
+    return SegmentNoise(usual, most, doubt, size, color, source, share, owner)
 
 
 def bridged_gaps(time: Array, gaps: Array) -> Array | None:
@@ -94,31 +100,6 @@ def bridged_gaps(time: Array, gaps: Array) -> Array | None:
     for j in np.flatnonzero(shown):
         out[:, j] = straight(time, time[seen[:, j]], gaps[seen[:, j], j])
     return np.asarray(out - out.mean(0))
-
-
-def color_of(gaps: Array, step: float) -> Color:
-    """The color of gaps (time, joint, 3), each counted as if of one size, and every octave alike.
-
-    No process of few numbers has the spectrum of the skin, and of all frequencies most are above those of any
-    load: each octave has its say, so that it is right in all of them to about as much. By the likelihood of
-    Whittle (1953).
-    """
-    n = len(gaps)
-    flat = gaps.reshape(n, -1) / np.maximum(gaps.reshape(n, -1).std(0), np.finfo(float).tiny)
-    taper = np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2
-    waves = np.fft.rfft((flat - taper @ flat / taper.sum()) * taper[:, None], axis=0)[2:-1]
-    w: Array = np.asarray(2 * np.pi * np.fft.rfftfreq(n, step)[2:-1])
-    power, weight = (np.abs(waves) ** 2).mean(1), 1 / w / (1 / w).sum()
-    best, found = -np.inf, Color(COLORS[0], 1 / step, 0.0, step)
-    for order in COLORS:
-        for rate in np.geomspace(1 / (n * step), np.pi / step, 4 * MEMORIES):
-            colored = Color(order, float(rate), 1.0, step).density(w)
-            for white in NEARLY_NONE:
-                shape = white + (1 - white) * colored
-                value = -(weight @ np.log(shape)) - np.log(weight @ (power / shape))
-                if value > best:
-                    best, found = float(value), Color(order, float(rate), float(1 - white), step)
-    return found
 
 
 def evened(gaps: Array, step: float, color: Color) -> Array:

@@ -6,7 +6,9 @@ could turn with, so no lines are searched.
 
 Joint gaps tell the errors of segments to a factor, and their color in the mean of each octave. What errors
 are more of where no load is left would make a load rough, so that it lets through the errors of all slower
-ones as well: no load is rougher than under errors as large as those of the loudest joint.
+ones as well: no load is rougher than under errors as large as those of the loudest joint. Its claim allows
+for the other priors of such orders, as far as the doubt about each octave lets the record tell them, and for
+what a filter took that the tracks went through.
 """
 
 from __future__ import annotations
@@ -30,15 +32,16 @@ from forceid.estimation.loads.hidden.whitened import whitened
 from forceid.estimation.methods.misplaced_mass import misplaced_each, widened_by_misplaced_mass
 from forceid.estimation.methods.problem import Solution, named
 from forceid.estimation.methods.tuning import stated_of
+from forceid.estimation.verdict.catalogue import note
 from forceid.flight.channels import Channel
 from forceid.flight.model import Flight
-from forceid.flight.priors.protocol import LoadPrior, channel_model
+from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_translation
 from forceid.flight.tuning import FREE, ORDERS
 from forceid.kalman.engines import Engine
 from forceid.kalman.model import mean_square
 from forceid.principal import cross_matrix
-from forceid.records import Array, Body, Flags, Motion
+from forceid.records import Array, Body, Finding, Flags, Motion
 from forceid.rounding import SINGLE
 from forceid.timing import stage
 
@@ -79,31 +82,30 @@ def estimate_mass_points(
     kin = replace(kin, model=SEGMENTS, color=noise.color, shared=None)
     channels, arm = driven_channels(kin, motion, noise)
     tune = partial(tune_channel, limits=AS_IT_IS, lines=(), engine=engine, kind=settings.load_prior)
-    causal, priors, states, others = settings.method == "filter", {}, {}, {}
+    causal, priors, states, orders = settings.method == "filter", {}, {}, {}
     for load, channel in channels.items():
         with stage("force" if load == "force" else "moment"):
             stated = stated_of(settings, load)
             loud = replace(channel, noise_cov=noise.most**2 * channel.noise_cov)
             some = ORDERS if part_of is None else (part_of[load].kernel.order,)
-            least = tune(loud, stated=stated, orders=some)
-            smooth = tuple(order for order in some if order >= min(least.kernel.order, FREE))
-            priors[load] = tune(channel, stated=stated, orders=smooth)
+            least = tune(loud, stated=stated, orders=some).kernel.order
+            orders[load] = tuple(order for order in some if order >= min(least, FREE))
+            priors[load] = tune(channel, stated=stated, orders=orders[load])
             states[load] = smoothed(channel, priors[load], engine, causal)
-            others[load] = load_alone(loud, least, engine, causal)
     state = both(kin, motion, *of_both(states))
     alone = typical_variance(state.wrench_cov)
     with stage("claims"):
         looks = {
-            load: whitened(channel, priors[load], engine)
+            load: replace(
+                whitened(channel, priors[load], engine),
+                orders=orders[load],
+                doubt=noise.doubt,
+                source=noise.source,
+            )
             for load, channel in channels.items()
             if priors[load].kernel.rivals
         }
         state = grown(state, growth_along_own(state, looks) * noise.size[:, None, None])
-        beside = np.concatenate([others["force"], others.get("moment", state.moment)], 1)
-        apart = np.nan_to_num(np.concatenate([state.force, state.moment], 1) - beside)
-        square = apart[:, :, None] * apart[:, None]
-        cov = state.wrench_cov + square * np.kron(np.eye(2), np.ones((3, 3)))
-        state = replace(state, wrench_cov=cov)
         mass = kin.inertia.weight
         state = widened_by_misplaced_mass(
             state, channels, priors, poses, noise.owner, mass, arm, misplaced, engine
@@ -111,10 +113,14 @@ def estimate_mass_points(
     still = np.zeros((len(motion.time), 0))
     deformation = Deformation(still, still, *inertia_along(kin, still, still))
     numbers = named(replace(kin, noise_root={}), priors) | noise.numbers(kin.inertia.weight)
-    misfit = shown_misfit(channels, priors, motion.time, state.innovation, {})
+    misfit = shown_misfit(channels, priors, motion.time, state.innovation, {}) * alone
     hidden = None if causal else hidden_load(channels, priors)
+    said: tuple[Finding, ...] = ()
+    if (source := noise.source) is not None:  # which took of a load that is followed up to it
+        lost = hidden is not None and bool(np.nanmax(hidden.band) > source.cut)
+        said = (note("smoothed-at-source", "degraded" if lost else "ok", cut_hz=source.cut),)
     return Solution(
-        kin, deformation, state, engine.name, numbers, {}, (), priors, hidden=hidden, shown=misfit * alone
+        kin, deformation, state, engine.name, numbers, {}, said, priors, hidden=hidden, shown=misfit
     )
 
 
@@ -158,12 +164,6 @@ def smoothed(channel: Channel, prior: LoadPrior, engine: Engine, causal: bool) -
     flight = Flight(channel.time, channel.z, np.full((T, 3, 3), np.nan), cov, 1 / channel.gain,
                     np.zeros((T, 3, 3)), still, np.zeros(3), color=channel.color)  # fmt: skip
     return smooth_translation(flight, prior, engine, causal)
-
-
-def load_alone(channel: Channel, prior: LoadPrior, engine: Engine, causal: bool) -> Array:
-    """The load (time, 3) of a channel as `smoothed` has it, without what it claims."""
-    filtered, x = engine.filter_and_smooth_states(channel_model(channel, prior), channel.moved)
-    return np.asarray((filtered.x if causal else x)[:, : prior.states] @ prior.rows.T)
 
 
 def both(kin: Kinematics, motion: Motion, force: FlightState, moment: FlightState) -> FlightState:

@@ -39,6 +39,19 @@ def test_errors_are_larger_where_a_landing_shakes_the_skin():
     assert noise.size[shaken].mean() > noise.size[quiet].mean()
 
 
+@pytest.mark.parametrize("task", ["walk", "run", "squat", "jump"])
+def test_a_filter_that_tracks_went_through_is_told_by_their_gaps_to_a_third_of_its_cut(task):
+    """Butterworth's of order 2, both ways, which let half of the power pass at `cut`; raw ones none."""
+
+    def source(seed, cut):
+        drawn = person(seed, task, skin=Skin(cut=cut))
+        return segment_noise(drawn.body, drawn.motion.time, segment_poses(drawn.body, drawn.motion)).source
+
+    for seed, cut in ((740, 6.0), (741, 12.0)):
+        assert source(seed, cut).cut == pytest.approx(cut / 0.802, rel=1 / 3)
+        assert source(seed, 0.0) is None
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("task", ["walk", "run", "squat", "jump"])
 def test_the_error_of_the_mass_center_is_told_to_a_half(task):

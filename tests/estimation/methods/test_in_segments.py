@@ -99,6 +99,25 @@ def test_drawn_persons_are_estimated_nearly_as_well_as_by_the_best_cut_and_err_a
     assert (ratio < 1.5).all()
 
 
+@pytest.mark.parametrize(("cut", "least"), [(0.0, 0.67), (8.0, 0.4)])
+def test_claims_of_persons_allow_for_what_a_filter_took_that_their_tracks_went_through(cut, least):
+    """A walk and a run each of two persons: what is lost above the cut may be more or less than it seems."""
+    found = [list(about_the_truth(task, seed, cut)) for seed in (744, 745) for task in ("walk", "run")]
+    error, _, _, claim = np.moveaxis(np.array(found), 2, 0)
+    ratio = np.sqrt((error**2).mean((0, 2)) / (claim**2).mean((0, 2)))
+    assert (ratio > least).all()
+    assert (ratio < 1.5).all()
+
+
+@pytest.mark.parametrize(("task", "cut", "level"), [("run", 6.0, "degraded"), ("walk", 12.0, "ok")])
+def test_tracks_of_a_person_that_went_through_a_filter_are_degraded_where_it_took_of_the_load(
+    task, cut, level
+):
+    found = estimate_recording(person(746, task, skin=Skin(cut=cut)), load_settings(model="segments"))
+    (said,) = (finding for finding in found.verdict.findings if finding.code == "smoothed-at-source")
+    assert said.level == level
+
+
 def test_errors_that_are_larger_than_the_gaps_say_make_no_load_rough():
     """A person whose gaps are of joints that are nearly fixed, by skin that moves neighbors together."""
     recording = person(616, "squat", skin=Skin(neighbor=0.5))

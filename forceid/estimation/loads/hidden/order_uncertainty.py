@@ -104,14 +104,15 @@ def growth_of(found: Whitened, claimed: Array, orders: Array | None = None) -> A
     band = followed_up_to(shown / (hidden + shown), finer).max()
     width, powers = np.gradient(wide) * 2, found.powers(found.innovation)
     leak = 2 * LEAK * (1 + SINGLE) * prior.kernel.std.max()  # of a prior that has no less, to rounding
+    missed = 1 - (1 - lost) * np.sqrt(found.passed(wide))[:, None]  # with what the source took
     growth = np.ones(3)
     for axis, candidates in enumerate(found.candidates):
         counted = width
         if not prior.kernel.std[axis] > leak:
             # what is faster than the band of the load is no part of the claim, but of what may hide
             counted = np.where(wide < max(band, 2 / span), width, 0.0)
-        counted = counted * lost[:, axis] ** 2
-        error, own = candidates.density(wide, counted), float(counted @ smooth[:, axis])
+        error = candidates.density(wide, counted * missed[:, axis] ** 2)
+        own = float((counted * lost[:, axis] ** 2) @ smooth[:, axis])
         likely = candidates.log_likelihood(powers[:, axis])
         likely = likely if orders is None else with_order(candidates, likely, orders)
         growth[axis] = grown_deviation(likely, error - own, claimed[axis])

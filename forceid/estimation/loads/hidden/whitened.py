@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from forceid.estimation.loads.hidden.left_out import beside_parabola, own_densities
 from forceid.flight.channels import Channel, middle
+from forceid.flight.color import LowPassed
 from forceid.flight.priors.protocol import LoadPrior, channel_model
 from forceid.flight.tuning import ORDERS
 from forceid.flight.whittle import ordinates
@@ -71,7 +72,9 @@ class Whitened:
 
     rotation (time, 3, 3): of the body, which these may turn with; also (time, 3, column): what else the
     channel may show, in unknown amounts, world axes; signals: as its innovations would be; loads: what the
-    prior takes it for; seen: samples that are not gaps.
+    prior takes it for; seen: samples that are not gaps. orders: of the priors that may be in its place;
+    doubt: variance of the logarithm of the noise in an octave, where that is not known; source: filter that
+    the channel went through, None for none.
     """
 
     channel: Channel
@@ -83,6 +86,9 @@ class Whitened:
     signals: Array
     loads: Array
     seen: int
+    orders: tuple[int, ...] = ORDERS
+    doubt: float = 0.0
+    source: LowPassed | None = None
 
     @cached_property
     def groups(self) -> tuple[Array, Indices, Array]:
@@ -91,7 +97,22 @@ class Whitened:
 
     def powers(self, innovation: Array) -> Array:
         """Power (group, 3) of innovations (time, 3), one an ordinate where the prior is right, summed."""
-        return summed_powers(innovation, self.seen, self.groups[1])
+        return summed_powers(innovation, self.seen, self.groups[1]) * self.worth[:, None]
+
+    @cached_property
+    def worth(self) -> Array:
+        """What an ordinate of each group (group,) counts: none where the source took more than half of it,
+        and all of an octave no more than the doubt about the noise there lets them tell.
+        """
+        frequency, _, count = self.groups
+        upto = np.concatenate([[0.0], np.cumsum(count)])
+        half_octave = np.array([[2.0**-0.5], [2.0**0.5]])
+        low, high = upto[np.searchsorted(frequency, frequency * half_octave)]
+        return np.where(self.passed(frequency) > 0.5, 1 / (1 + (high - low) * self.doubt), 0.0)
+
+    def passed(self, frequency: Array) -> Array:
+        """Power (frequency,) that the source let pass at frequencies in Hz."""
+        return np.ones(len(frequency)) if self.source is None else self.source.power(frequency)
 
     @cached_property
     def candidates(self) -> tuple[Candidates, ...]:
@@ -99,7 +120,9 @@ class Whitened:
         frequency, _, count = self.groups
         noise, own = self.densities(frequency)
         noise = noise / beside_parabola(frequency * float(np.ptp(self.channel.time)))[:, None]
-        return tuple(candidates(frequency, count, noise[:, i], own[:, i]) for i in range(3))
+        counted, further = count * self.worth, (self.orders, self.passed(frequency))
+        each = zip(noise.T, own.T, strict=True)
+        return tuple(candidates(frequency, counted, *one, *further) for one in each)
 
     def densities(self, frequency: Array) -> tuple[Array, Array]:
         """Spectral densities (frequency, 3) of noise and smooth load, as a load, along the same axes."""
@@ -195,18 +218,23 @@ def along_axes(channel: Channel, prior: LoadPrior, also: Array, turned: Array) -
     return model, np.concatenate([channel.moved[:, None] @ axes, np.moveaxis(also, 2, 1) @ axes + gaps], 1)
 
 
-def candidates(frequency: Array, count: Array, noise: Array, own: Array) -> Candidates:
-    """The candidates where noise and the prior in use have densities noise and own (group,), as loads."""
+def candidates(
+    frequency: Array, count: Array, noise: Array, own: Array, orders: tuple[int, ...] = ORDERS,
+    passed: Array | float = 1.0,
+) -> Candidates:  # fmt: skip
+    """The candidates of some orders where noise and the prior in use have densities noise and own (group,).
+
+    As loads, of whose power the source let a part `passed` (group,) pass.
+    """
     rate = np.geomspace(2 * np.pi * frequency[0], np.pi * frequency[-1], RATES_TRIED)
     most = 1 / FAINTEST * max(1.0, float((own / noise).max()))
     size = np.exp(np.arange(np.log(FAINTEST), np.log(most), np.log(STEP)))
-    orders = ORDERS
     total, sizes, ratios = own + noise, [np.zeros(1)], [(noise / (own + noise))[None]]
     for order in orders:
         shape = densities_of(order, rate, frequency)
         scaled = size[:, None] / (shape / noise).max(1)
         sizes.append(scaled.ravel())
-        ratios.append(((scaled[:, :, None] * shape + noise) / total).reshape(-1, len(frequency)))
+        ratios.append(((scaled[:, :, None] * (shape * passed) + noise) / total).reshape(-1, len(frequency)))
     each = RATES_TRIED * len(size)
     ratio = np.concatenate(ratios)
     cost = np.log(ratio) @ count

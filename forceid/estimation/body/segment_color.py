@@ -1,0 +1,73 @@
+"""The color of the errors of segments, and the filter that their tracks went through at the source."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from forceid.estimation.body.tracks.marker_errors import COLORS, MEMORIES, SPECTRAL
+from forceid.estimation.body.tracks.source_filter import BUTTERWORTH, CUTS_TRIED, OVER_LATER, spectrum
+from forceid.flight.color import Color, LowPassed
+from forceid.records import Array
+from forceid.significance import PATIENCE, TENTH
+
+NEARLY_NONE = np.geomspace(TENTH**4, 1.0, 17)  # white shares of the variance: smoothed tracks have none
+HIGHEST = 0.4  # cycles a sample up to which a filter is looked for: nearer to one half numbers are rounded
+
+
+def color_of(gaps: Array, step: float) -> Color:
+    """The color of gaps (time, joint, 3), each counted as if of one size, and every octave alike.
+
+    No process of few numbers has the spectrum of the skin, and of all frequencies most are above those of any
+    load: each octave has its say, so that it is right in all of them to about as much. By the likelihood of
+    Whittle (1953).
+    """
+    n = len(gaps)
+    flat = gaps.reshape(n, -1) / np.maximum(gaps.reshape(n, -1).std(0), np.finfo(float).tiny)
+    taper = np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2
+    waves = np.fft.rfft((flat - taper @ flat / taper.sum()) * taper[:, None], axis=0)[2:-1]
+    w: Array = np.asarray(2 * np.pi * np.fft.rfftfreq(n, step)[2:-1])
+    power, weight = (np.abs(waves) ** 2).mean(1), 1 / w / (1 / w).sum()
+    best, found = -np.inf, Color(COLORS[0], 1 / step, 0.0, step)
+    for order in COLORS:
+        for rate in np.geomspace(1 / (n * step), np.pi / step, 4 * MEMORIES):
+            colored = Color(order, float(rate), 1.0, step).density(w)
+            for white in NEARLY_NONE:
+                shape = white + (1 - white) * colored
+                value = -(weight @ np.log(shape)) - np.log(weight @ (power / shape))
+                if value > best:
+                    best, found = float(value), Color(order, float(rate), float(1 - white), step)
+    return found
+
+
+def source_of(gaps: Array, step: float, doubt: float) -> LowPassed | None:
+    """The filter that tracks went through, as the spectrum of gaps (time, joint, 3) shows it; None for none.
+
+    Skin falls off by itself, but not as steeply. doubt: variance of the logarithm of errors in an octave,
+    which is worth so many numbers; beyond e^PATIENCE a filter is likelier.
+    """
+    flat = gaps.reshape(len(gaps), -1)
+    f, power = spectrum(flat / np.maximum(flat.std(0), np.finfo(float).tiny))
+    behind = float(np.median(power[-SPECTRAL:]))
+    hidden = np.flatnonzero(power <= OVER_LATER * behind)
+    seen = f < min(float(f[hidden[0]]) if len(hidden) else HIGHEST, HIGHEST)
+    if seen.sum() < SPECTRAL:
+        return None
+    f, power = f[seen] / step, power[seen]
+    w: Array = 2 * np.pi * f
+    octaves, weight = np.log2(f[-1] / f[0]), 1 / w / (1 / w).sum()
+    rates = np.geomspace(w[0], np.pi / step, 2 * MEMORIES)
+    colored = np.array([Color(k, float(r), 1.0, step).density(w) for k, r in product(COLORS, rates)])
+    white = NEARLY_NONE[:, None, None]
+    shape = (white + (1 - white) * colored).reshape(-1, len(w))
+
+    def likely(passed: Array) -> float:
+        total = shape * passed
+        return float((-(np.log(total) @ weight) - np.log((power / total) @ weight)).max())
+
+    cuts = np.geomspace(f[0], f[-1], 2 * CUTS_TRIED)[1:-1]
+    tried = [LowPassed(order, float(cut), step) for order in BUTTERWORTH for cut in cuts]
+    value = [likely(one.power(f)) for one in tried]
+    gain = (max(value) - likely(np.ones(len(f)))) * octaves / max(doubt, TENTH**2)
+    return tried[int(np.argmax(value))] if gain > PATIENCE else None
