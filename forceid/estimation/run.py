@@ -28,7 +28,7 @@ from forceid.estimation.known.loads import known_loads
 from forceid.estimation.known.removal import Beside, beside_known
 from forceid.estimation.loads.hidden.order_uncertainty import grown
 from forceid.estimation.methods.imu_only import estimate_unmarked, is_unmarked, judge_unmarked
-from forceid.estimation.methods.in_segments import SEGMENTS
+from forceid.estimation.methods.in_segments import SEGMENTS, of_new_frames
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.model_choice.words import without_choice
 from forceid.estimation.routes import (
@@ -198,7 +198,8 @@ def estimate_beside(
     solution = replace(solution, state=open_state, findings=said)
     found = solution.kinematics
     deforms = bool(len(found.shapes))
-    witness = witness_of(body, motion, solution.state, found.color, deforms, found.of_center)
+    shown = of_new_frames(motion, found) if found.model == SEGMENTS else motion
+    witness = witness_of(body, shown, solution.state, found.color, deforms, found.of_center)
     solution = replace(solution, state=yielding(solution.state, witness))
     differs = judge_witness(witness, solution.state)
     known = None

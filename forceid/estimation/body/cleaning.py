@@ -12,6 +12,7 @@ from forceid.estimation.body.deformation_residual import Beyond, bases_beside, b
 from forceid.estimation.body.deforming.strains import strain_shapes
 from forceid.estimation.body.kinematics import Kinematics, kinematics
 from forceid.estimation.body.mass_center import tracked_mass_center, with_center, without_gaps
+from forceid.estimation.body.segment_noise import restored, shows_segments
 from forceid.estimation.body.tracks.exchanged import put_back
 from forceid.estimation.body.tracks.source_filter import source_filter, undone
 from forceid.estimation.body.tracks.spikes import clipped, off_the_shape, spikes, wild_rates
@@ -58,7 +59,10 @@ def prepared(body: Body, motion: Motion, kin: Kinematics | None) -> tuple[Motion
 
     kin: what the motion shows as it is, None of one that sensors alone tell.
     """
-    motion, *filtered = (motion, None, None) if kin is None else before_filter(motion, kin)
+    if kin is not None:
+        motion, *filtered = before_filter(motion, kin)
+    else:
+        motion, *filtered = restored(body, motion) if shows_segments(body, motion) else (motion, None, None)
     motion, mended = cleaned(body, motion, kin)
     return without_gaps(body, motion), replace(mended, source=filtered[0], left=filtered[1])
 

@@ -7,7 +7,13 @@ from itertools import product
 import numpy as np
 
 from forceid.estimation.body.tracks.marker_errors import COLORS, MEMORIES, SPECTRAL
-from forceid.estimation.body.tracks.source_filter import BUTTERWORTH, CUTS_TRIED, OVER_LATER, spectrum
+from forceid.estimation.body.tracks.source_filter import (
+    BUTTERWORTH,
+    CUTS_TRIED,
+    OVER_LATER,
+    RESTORED,
+    spectrum,
+)
 from forceid.flight.color import Color, LowPassed
 from forceid.records import Array
 from forceid.significance import PATIENCE, TENTH
@@ -41,8 +47,9 @@ def color_of(gaps: Array, step: float) -> Color:
     return found
 
 
-def source_of(gaps: Array, step: float, doubt: float) -> LowPassed | None:
-    """The filter that tracks went through, as the spectrum of gaps (time, joint, 3) shows it; None for none.
+def source_of(gaps: Array, step: float, doubt: float) -> tuple[LowPassed, LowPassed] | None:
+    """The filter that tracks went through, as the spectrum of gaps (time, joint, 3) shows it, and what
+    undoing it leaves; None for none.
 
     Skin falls off by itself, but not as steeply. doubt: variance of the logarithm of errors in an octave,
     which is worth so many numbers; beyond e^PATIENCE a filter is likelier.
@@ -51,23 +58,30 @@ def source_of(gaps: Array, step: float, doubt: float) -> LowPassed | None:
     f, power = spectrum(flat / np.maximum(flat.std(0), np.finfo(float).tiny))
     behind = float(np.median(power[-SPECTRAL:]))
     hidden = np.flatnonzero(power <= OVER_LATER * behind)
-    seen = f < min(float(f[hidden[0]]) if len(hidden) else HIGHEST, HIGHEST)
-    if seen.sum() < SPECTRAL:
+    upto = min(float(f[hidden[0]]) if len(hidden) else HIGHEST, HIGHEST)
+    clear = f < upto
+    if clear.sum() < SPECTRAL:
         return None
-    f, power = f[seen] / step, power[seen]
+    seen = f < HIGHEST
+    f, power, clear = f[seen] / step, power[seen], clear[seen]
     w: Array = 2 * np.pi * f
     octaves, weight = np.log2(f[-1] / f[0]), 1 / w / (1 / w).sum()
     rates = np.geomspace(w[0], np.pi / step, 2 * MEMORIES)
     colored = np.array([Color(k, float(r), 1.0, step).density(w) for k, r in product(COLORS, rates)])
     white = NEARLY_NONE[:, None, None]
     shape = (white + (1 - white) * colored).reshape(-1, len(w))
+    among = np.where(clear, weight, 0.0) / weight[clear].sum()
 
     def likely(passed: Array) -> float:
+        """With what came behind the filter; errors as large as they are where they stand out of that."""
         total = shape * passed
-        return float((-(np.log(total) @ weight) - np.log((power / total) @ weight)).max())
+        total = total * ((power / total) @ among)[:, None] + behind
+        return float((-(np.log(total) + power / total) @ weight).max())
 
-    cuts = np.geomspace(f[0], f[-1], 2 * CUTS_TRIED)[1:-1]
+    cuts = np.geomspace(f[0], upto / step, 2 * CUTS_TRIED)[1:-1]
     tried = [LowPassed(order, float(cut), step) for order in BUTTERWORTH for cut in cuts]
     value = [likely(one.power(f)) for one in tried]
     gain = (max(value) - likely(np.ones(len(f)))) * octaves / max(doubt, TENTH**2)
-    return tried[int(np.argmax(value))] if gain > PATIENCE else None
+    if not gain > PATIENCE:
+        return None
+    return tried[int(np.argmax(value))], LowPassed(BUTTERWORTH[-1], min(upto, RESTORED) / step, step)

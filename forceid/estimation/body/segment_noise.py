@@ -6,6 +6,8 @@ segment less that of its neighbor, whatever the motion. Errors of segments are t
 and independent, so that half of the joints have gaps of more than twice the variance of one, half of less: a
 joint whose center is badly placed shows that as well, and does not rule the median. The mass center takes of
 every segment the share of the mass that its markers place. What all segments have in common no gap shows.
+A filter that tracks went through shows in gaps as well, and is undone; samples that then tell nothing new
+are left out.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from scipy.ndimage import gaussian_filter1d
 from forceid.estimation.body.segment_color import color_of, source_of
 from forceid.estimation.body.tracks.bridging import straight
 from forceid.estimation.body.tracks.marker_errors import SPECTRAL
+from forceid.estimation.body.tracks.source_filter import WORTH, undone
 from forceid.flight.color import Color, LowPassed
 from forceid.motion import fit_rotation
 from forceid.principal import cross_matrix
@@ -35,7 +38,8 @@ class SegmentNoise:
 
     var (3,) m2 of a segment along each axis, in the mean over the record; most: the std of the loudest joint
     over that; doubt: variance of the logarithm of errors, from joint to joint; size (time,): how large errors
-    are at a time, of mean square one; source: filter that the tracks went through, None for none; share
+    are at a time, of mean square one; source: filter that the tracks went through, and left: what
+    undoing it leaves of it, None for none; share
     (segment, node): of a node that markers of the segment place; owner (node,): the segment of each, its own
     or the one that places most of it.
     """
@@ -46,6 +50,7 @@ class SegmentNoise:
     size: Array
     color: Color
     source: LowPassed | None
+    left: LowPassed | None
     share: Array
     owner: Indices
 
@@ -79,15 +84,38 @@ def segment_noise(body: Body, time: Array, poses: SegmentPoses) -> SegmentNoise 
     step = float(np.ptp(time)) / (len(time) - 1)
     color = color_of(gaps, step)
     even = evened(gaps, step, color)
-    var = (even**2).mean(0)
-    usual, size = 0.5 * np.median(var, axis=0), local_size(even, step, color)
+    var, size = (even**2).mean(0), local_size(even, step, color)
+    doubt = float(np.var(np.log(var.mean(1))))
+    source, left = source_of(gaps, step, doubt) or (None, None)
+    if (every := new_in(source)) > 1:
+        color = color_of(gaps[::every], step * every)
+        var = (evened(gaps[::every], step * every, color) ** 2).mean(0)
+    usual = 0.5 * np.median(var, axis=0)
     most = float(np.sqrt((var.max(0) / usual).mean()))
-    doubt = float(np.var(np.log((var / usual).mean(1))))
-    source = source_of(gaps, step, doubt)
     share = shares(body, poses)
     owner = share.argmax(0)
     owner[poses.segment] = np.arange(len(poses.segment))
-    return SegmentNoise(usual, most, doubt, size, color, source, share, owner)
+    return SegmentNoise(usual, most, doubt, size, color, source, left, share, owner)
+
+
+def new_in(source: LowPassed | None) -> int:
+    """Samples from one to the next that tells anything new after a filter: of its tail a tenth folds back."""
+    if source is None:
+        return 1
+    highest = source.cut * (TENTH**-0.5 - 1) ** (0.5 / source.order)
+    return max(int(0.5 / (highest * source.step)), 1)
+
+
+def restored(body: Body, motion: Motion) -> tuple[Motion, LowPassed | None, LowPassed | None]:
+    """The motion of segments as before the filter of its tracks, that filter, and what is left of it."""
+    noise, tracks = segment_noise(body, motion.time, segment_poses(body, motion)), motion.marker_position
+    if noise is None or noise.source is None or noise.left is None or motion.bridged is not None:
+        return motion, None, None
+    if motion.position is None or tracks is None or noise.left.cut < WORTH * noise.source.cut:
+        return motion, None, None
+    both = noise.source, noise.left
+    found = replace(motion, position=undone(motion.position, *both), marker_position=undone(tracks, *both))
+    return found, *both
 
 
 def bridged_gaps(time: Array, gaps: Array) -> Array | None:

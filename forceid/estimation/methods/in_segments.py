@@ -21,9 +21,16 @@ import numpy as np
 
 from forceid.config import Settings
 from forceid.errors import EstimationError
+from forceid.estimation.body.cleaning import without_frames
 from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.estimation.body.segment_noise import SegmentNoise, SegmentPoses, segment_noise, segment_poses
+from forceid.estimation.body.segment_noise import (
+    SegmentNoise,
+    SegmentPoses,
+    new_in,
+    segment_noise,
+    segment_poses,
+)
 from forceid.estimation.loads.channels import LEAST_FRAMES, force_channel, swept_momentum, tune_channel
 from forceid.estimation.loads.hidden.left_out import hidden_load
 from forceid.estimation.loads.hidden.misfit import shown_misfit, typical_variance
@@ -34,6 +41,7 @@ from forceid.estimation.methods.problem import Solution, named
 from forceid.estimation.methods.tuning import stated_of
 from forceid.estimation.verdict.catalogue import note
 from forceid.flight.channels import Channel
+from forceid.flight.color import Color
 from forceid.flight.model import Flight
 from forceid.flight.priors.protocol import LoadPrior
 from forceid.flight.smoother import FlightState, smooth_translation
@@ -146,14 +154,22 @@ def driven_channels(kin: Kinematics, motion: Motion, noise: SegmentNoise) -> tup
         raise EstimationError("shows all mass in too few frames", "the recording", "restore the markers")
     force, share = force_channel(kin, motion.gravity), mass / mass.sum()
     filled = np.zeros(motion.position.shape[:2]) if motion.bridged is None else np.nan_to_num(motion.bridged)
-    lever = cross_matrix(mass[:, None] * arm)
+    lever = cross_matrix(mass[:, None] * np.nan_to_num(arm))
     lost = (filled @ share**2)[:, None, None] * np.eye(3)
     lost_turn = np.einsum("tn,tnab->tab", filled, lever @ lever.mT)
-    turning = noise.of_momentum(mass, arm).mean(0)
+    turning = np.nanmean(noise.of_momentum(mass, arm), axis=0)
     channels = {"force": replace(force, noise_cov=noise.of_center(mass) + lost, color=noise.color)}
     if len(mass) > 1:
         channels["moment"] = Channel(kin.time, Y, 1.0, turning + lost_turn, np.zeros((3, 3)), noise.color)
-    return channels, arm
+    told = np.where(np.arange(len(kin.time)) % new_in(noise.source), np.nan, 1.0)[:, None]
+    return {load: replace(channel, z=channel.z * told) for load, channel in channels.items()}, arm
+
+
+def of_new_frames(motion: Motion, kin: Kinematics) -> Motion:
+    """The motion of segments in frames alone that tell anything new: their errors have a step of so many."""
+    assert isinstance(kin.color, Color)
+    new = round(kin.color.step * (len(motion.time) - 1) / float(np.ptp(motion.time)))
+    return motion if new < 2 else without_frames(motion, np.arange(len(motion.time)) % new != 0)
 
 
 def smoothed(channel: Channel, prior: LoadPrior, engine: Engine, causal: bool) -> FlightState:
