@@ -24,7 +24,7 @@ from forceid.kalman.tuning.robust import runs
 from forceid.principal import transport_matrix
 from forceid.records import Array, Feet, Flags, Motion
 from forceid.rounding import SINGLE
-from forceid.significance import SIGMAS
+from forceid.significance import WILD
 
 FOOT_NEAR = 0.04  # m above its lowest level, at which a foot still touches: skin, and a foot that rolls
 SLOW = 0.6  # m/s: a foot that lands or leaves is faster
@@ -91,7 +91,7 @@ def split_by_foot(
     middle = np.stack([x.mean(1) for x in points], 1)
     touches = touching(motion.time, lowest - level, middle)
     push = W[:, :3] @ up
-    pushed = push > SIGMAS * np.sqrt(np.einsum("a,tab,b->t", up, cov[:, :3, :3], up))
+    pushed = push > WILD * np.sqrt(np.einsum("a,tab,b->t", up, cov[:, :3, :3], up))
     none = pushed & ~touches.any(1)
     touches[none] = (lowest - level)[none] <= np.maximum(FOOT_NEAR, (lowest - level)[none].min(1))[:, None]
     around = 2 * frames_in(motion.time, STEADY) + 1
