@@ -16,7 +16,7 @@ from forceid.estimation.body.tracks.source_filter import (
 )
 from forceid.flight.color import Color, LowPassed
 from forceid.records import Array
-from forceid.significance import PATIENCE, TENTH
+from forceid.significance import MEDIAN, PATIENCE, TENTH
 
 NEARLY_NONE = np.geomspace(TENTH**4, 1.0, 17)  # white shares of the variance: smoothed tracks have none
 HIGHEST = 0.4  # cycles a sample up to which a filter is looked for: nearer to one half numbers are rounded
@@ -85,3 +85,21 @@ def source_of(gaps: Array, step: float, doubt: float) -> tuple[LowPassed, LowPas
     if not gain > PATIENCE:
         return None
     return tried[int(np.argmax(value))], LowPassed(BUTTERWORTH[-1], min(upto, RESTORED) / step, step)
+
+
+def scatter(var: Array) -> float:
+    """Variance of the logarithm of variances (joint,), as half of them scatter: bad joints do not rule.
+
+    >>> round(scatter(np.array([1.0, 2.0, 4.0, 0.0])), 2)
+    1.06
+    """
+    logs = np.log(var[var > 0])
+    return float((np.median(np.abs(logs - np.median(logs))) / MEDIAN) ** 2) if len(logs) else 0.0
+
+
+def new_in(source: LowPassed | None) -> int:
+    """Samples from one to the next that tells anything new after a filter: of its tail a tenth folds back."""
+    if source is None:
+        return 1
+    highest = source.cut * (TENTH**-0.5 - 1) ** (0.5 / source.order)
+    return max(int(0.5 / (highest * source.step)), 1)

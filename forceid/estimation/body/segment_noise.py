@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from forceid.estimation.body.segment_color import color_of, source_of
+from forceid.estimation.body.segment_color import color_of, new_in, scatter, source_of
 from forceid.estimation.body.tracks.bridging import straight
 from forceid.estimation.body.tracks.marker_errors import SPECTRAL
 from forceid.estimation.body.tracks.source_filter import WORTH, undone
@@ -85,7 +85,7 @@ def segment_noise(body: Body, time: Array, poses: SegmentPoses) -> SegmentNoise 
     color = color_of(gaps, step)
     even = evened(gaps, step, color)
     var, size = (even**2).mean(0), local_size(even, step, color)
-    doubt = float(np.var(np.log(var.mean(1))))
+    doubt = scatter(var.mean(1))
     source, left = source_of(gaps, step, doubt) or (None, None)
     if (every := new_in(source)) > 1:
         color = color_of(gaps[::every], step * every)
@@ -96,14 +96,6 @@ def segment_noise(body: Body, time: Array, poses: SegmentPoses) -> SegmentNoise 
     owner = share.argmax(0)
     owner[poses.segment] = np.arange(len(poses.segment))
     return SegmentNoise(usual, most, doubt, size, color, source, left, share, owner)
-
-
-def new_in(source: LowPassed | None) -> int:
-    """Samples from one to the next that tells anything new after a filter: of its tail a tenth folds back."""
-    if source is None:
-        return 1
-    highest = source.cut * (TENTH**-0.5 - 1) ** (0.5 / source.order)
-    return max(int(0.5 / (highest * source.step)), 1)
 
 
 def restored(body: Body, motion: Motion) -> tuple[Motion, LowPassed | None, LowPassed | None]:

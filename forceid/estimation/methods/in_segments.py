@@ -24,10 +24,10 @@ from forceid.errors import EstimationError
 from forceid.estimation.body.cleaning import without_frames
 from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.body.segment_color import new_in
 from forceid.estimation.body.segment_noise import (
     SegmentNoise,
     SegmentPoses,
-    new_in,
     segment_noise,
     segment_poses,
 )
