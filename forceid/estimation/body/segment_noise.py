@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from forceid.estimation.body.segment_color import color_of, new_in, scatter, source_of
 from forceid.estimation.body.tracks.bridging import straight
 from forceid.estimation.body.tracks.marker_errors import SPECTRAL
+from forceid.estimation.body.tracks.segment_color import color_of, new_in, scatter, source_of
 from forceid.estimation.body.tracks.source_filter import WORTH, undone
 from forceid.flight.color import Color, LowPassed
 from forceid.motion import fit_rotation

@@ -24,13 +24,13 @@ from forceid.errors import EstimationError
 from forceid.estimation.body.cleaning import without_frames
 from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics
-from forceid.estimation.body.segment_color import new_in
 from forceid.estimation.body.segment_noise import (
     SegmentNoise,
     SegmentPoses,
     segment_noise,
     segment_poses,
 )
+from forceid.estimation.body.tracks.segment_color import new_in
 from forceid.estimation.loads.channels import LEAST_FRAMES, force_channel, swept_momentum, tune_channel
 from forceid.estimation.loads.hidden.left_out import hidden_load
 from forceid.estimation.loads.hidden.misfit import shown_misfit, typical_variance

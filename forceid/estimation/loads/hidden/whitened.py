@@ -222,9 +222,8 @@ def candidates(
     frequency: Array, count: Array, noise: Array, own: Array, orders: tuple[int, ...] = ORDERS,
     passed: Array | float = 1.0,
 ) -> Candidates:  # fmt: skip
-    """The candidates of some orders where noise and the prior in use have densities noise and own (group,).
-
-    As loads, of whose power the source let a part `passed` (group,) pass.
+    """The candidates of some orders where noise and the prior in use have densities noise and own (group,),
+    as loads, of whose power the source let a part `passed` (group,) pass.
     """
     rate = np.geomspace(2 * np.pi * frequency[0], np.pi * frequency[-1], RATES_TRIED)
     most = 1 / FAINTEST * max(1.0, float((own / noise).max()))
