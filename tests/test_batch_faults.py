@@ -133,6 +133,7 @@ def test_killed_in_mid_batch_takes_its_processes_along_and_resumes_where_it_was(
     assert hidden(out) == []
 
 
+@pytest.mark.long
 def test_killed_in_mid_write_leaves_nothing_half_written_by_the_name_of_a_result(shelf, tmp_path, capsys):
     flag = tmp_path / "flag"
     words, out = [*files(shelf), "-o", str(tmp_path / "out")], tmp_path / "out"
@@ -281,6 +282,7 @@ def deadly(source, output, _settings):
     return {"status": "ok", "file": str(source), "output": str(output)}
 
 
+@pytest.mark.long
 def test_only_files_that_kill_their_process_fail(tmp_path):
     jobs = [(Path(f"{k}.h5"), tmp_path / f"{k}.result.h5") for k in range(8)]
     records = list(pool.run_jobs(jobs, load_settings(), pool.processes(2), deadly))

@@ -27,6 +27,7 @@ def looped(tmp_path):
     return config
 
 
+@pytest.mark.long
 def test_joints_that_are_refused_fail_their_file_and_its_line_says_so(looped, tmp_path, capsys):
     words = ["batch", str(DATA), "-c", str(looped), "-o", str(tmp_path / "out"), *QUICK]
     assert main([*words, "--json"]) == 1

@@ -69,6 +69,7 @@ def test_a_pose_beside_the_markers_is_said_to_be_left_out(large, capsys):
         assert "pose-not-compared" in np.atleast_1d(f["estimate"].attrs["reason_codes"])
 
 
+@pytest.mark.long
 def test_stopped_in_the_pass_or_in_the_smoother_it_goes_on_to_the_same_bits(large, monkeypatch, capsys):
     output = large.with_suffix(".result.h5")
     assert main(["estimate", str(large), *QUICK]) == 0

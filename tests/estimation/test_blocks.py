@@ -85,6 +85,7 @@ def test_forces_of_bodies_in_a_ring_are_not_told():
     assert found.verdict.level == "refused"
 
 
+@pytest.mark.long
 def test_the_command_finds_them_and_draws_them(tmp_path, capsys):
     recording, asked, true = crushed(7)
     write_motion(tmp_path / "crash.h5", recording)

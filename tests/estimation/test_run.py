@@ -60,6 +60,7 @@ def test_motion_is_recovered_with_the_wrench(flown):
     assert (result.orientation[:, 3] >= 0).all()
 
 
+@pytest.mark.long
 def test_claims_hold_over_many_noises(estimated):
     middle = []
     for seed in range(8):

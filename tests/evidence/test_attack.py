@@ -18,6 +18,7 @@ REFUSED = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", REFUSED, ids=lambda kind: kind.name)
 def test_a_body_that_contradicts_itself_is_refused_or_doubted(folder, kind):
     path = bodies.write(folder / "c.h5", kind.base, kind.edit)
@@ -75,6 +76,7 @@ def test_no_output_takes_the_place_of_what_was_there(folder):
     assert [(place, command, faults) for place, command, _, faults in found if faults] == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", ["output in ascii", "name escapes", "output device full", "COLUMNS 1000000000"]
 )

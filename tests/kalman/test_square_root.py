@@ -110,6 +110,7 @@ def test_models_that_lose_nothing_stay_with_the_engine(case):
     np.testing.assert_array_equal(runs[2], passes.covariance_pass(*forward)[2])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("ambient", "force"), [(0, "0.068295"), (1, "2.10433")])
 @pytest.mark.parametrize("engine", ENGINES)
 def test_force_on_the_supported_beam_has_the_published_deviation_by_the_plain_smoother(

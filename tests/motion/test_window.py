@@ -39,6 +39,7 @@ def test_candidates_smooth_more_and_more(method):
     assert gain[-1] < 1e-6 * gain[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", METHODS)
 def test_chosen_window_is_near_the_best_in_hindsight_and_its_band_is_honest(method):
     candidates, ratio, inside = windows(method, TIME), [], []

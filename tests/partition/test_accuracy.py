@@ -36,6 +36,7 @@ def answers(kind, jump, who):
     return np.sqrt(np.square(found).mean(0)) if found else np.zeros((2, 2))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("who", [s for s in WAYS if s.preconditioner != "lumped"], ids=lambda who: who.name)
 @pytest.mark.parametrize("jump", [1.0, 1e4, 1e8, 1e10])
 @pytest.mark.parametrize("kind", JUMPING)

@@ -39,6 +39,7 @@ def test_riemann_ellipsoid_keeps_volume_momentum_and_circulation_over_100_s():
     assert abs(np.polyfit(range(10), tenths, 1)[0]) * 9 < 0.5 * np.std(motion.energy)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("method", "step"), [("verlet", 0.05), ("suzuki_4", 0.1), ("kahan_li_8", 0.2)])
 def test_spinning_rubber_keeps_volume_momentum_and_circulation_and_its_energy_has_no_trend(method, step):
     # 0.55 to 1.45 of stretch, three turns in 10 s
@@ -64,6 +65,7 @@ def test_circulation_of_rubber_is_not_kept_where_the_second_moment_is_uneven():
     assert np.ptp(motion.circulation, axis=0).max() > 0.1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", COMPOSITIONS)
 def test_composed_rattle_converges_with_its_nominal_order(method):
     W = Body(np.diag([1.0, 1.5, 2.2]), MooneyRivlin(0.5, 0.25, incompressible=True))

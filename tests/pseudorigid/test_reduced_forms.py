@@ -42,6 +42,7 @@ def test_printed_riemann_ellipsoid_comes_out_of_the_two_sided_form():
     np.testing.assert_allclose([motion.F[1], motion.dF[1]], PRINTED["riemann"], rtol=0, atol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(("form", "E"), EVERY, ids=IDS)
 def test_reduced_motion_of_random_bodies_is_that_of_the_master_system(form, E, seed):

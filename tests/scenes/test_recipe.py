@@ -33,6 +33,7 @@ def assert_alike(found, expected, name):
         assert found == expected, name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", STORED, ids=lambda p: p.stem)
 def test_stored_file_is_made_again_from_its_recipe(path, throw, monkeypatch):
     # one integration of the throw, at four times the rate, serves both boomerang files

@@ -2,39 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from forceid.estimation.body.deformation import as_smoothed
-from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.instruments.on_flight import judge_sensors, named_sensors
 from forceid.estimation.instruments.strain_gauges import judge_strain_gauges
-from forceid.estimation.loads.hidden import body_told, inner_wheel, ringing_body, signatures
 from forceid.estimation.loads.hidden.deforming_body import motion_growth, widened_by_arms
 from forceid.estimation.loads.hidden.free_oscillation import widened_by_ringing
 from forceid.estimation.loads.hidden.left_out import hidden_load, least_band, lines_at_spin
 from forceid.estimation.loads.hidden.loads_on_modes import as_fast_as_on_modes, loads_shown
 from forceid.estimation.loads.hidden.misfit import shown_misfit, typical_variance
-from forceid.estimation.loads.hidden.order_uncertainty import Rivals
-from forceid.estimation.loads.hidden.patterns import under_smaller
-from forceid.estimation.loads.hidden.whitened import Whitened, whitened
 from forceid.estimation.loads.pieces.edges import spread_of, with_edges_known
 from forceid.estimation.loads.pieces.impulses import edges_of, impulses
 from forceid.estimation.methods.noise import judge_filter, widened_by_slow_errors
 from forceid.estimation.methods.problem import Problem, Smoothing, Solution, named
-from forceid.estimation.methods.tuning import stated_of
 from forceid.estimation.verdict.catalogue import note
 from forceid.estimation.verdict.sensitivity import Unit, length
 from forceid.estimation.verdict.tracks import judge_rejected, judge_wild
-from forceid.flight.channels import Channel
 from forceid.flight.vibration import ModeState
-from forceid.principal import cross_matrix
-from forceid.records import Array
-from forceid.significance import TENTH
-
-POSE = 6  # freedoms of a pose
 
 
 def judge_channels(problem: Problem) -> Problem:
@@ -134,79 +121,6 @@ def judge_lever(problem: Problem) -> Problem:
     )
 
 
-def allow_for_priors(problem: Problem) -> Problem:
-    """What the record does not tell of the priors of the loads, and a wheel that may turn inside."""
-    state, kin, priors = problem.state, problem.kin, problem.priors
-    channels = {
-        name: ch for name, ch in channels_on_every_axis(problem).items() if priors[name].kernel.rivals
-    }
-    inside = "moment" in channels and not problem.body.inside_stated and may_turn_inside(kin)
-    turned = {name: problem.turned_at(name) for name in channels if kin.attitude}
-    beside = told_of_body(problem, channels)
-    told = {*beside}
-    if inside or "moment" in told:
-        clock = channels["moment"].time
-        force = state.force[np.isin(problem.flight.time, clock)]
-        seen = inner_wheel.signals(clock, turned["moment"], force)
-        beside["moment"] = np.concatenate([seen, *([beside["moment"]] if "moment" in told else [])], 2)
-    looks = {
-        name: whitened(channel, priors[name], problem.engine, beside.get(name), turned.get(name))
-        for name, channel in channels.items()
-    }
-    known = {name: stated_of(problem.settings, name) for name in looks}
-    rivals = {name: look for name, look in looks.items() if (one := known[name]) is None or not one.whole}
-    problem = replace(problem, rivals=Rivals(rivals, state))
-    growth = Rivals(rivals, state).growth()
-    levers = (
-        kin.inertia.gyration if problem.motion.gravity.any() else 0.0
-    )  # of a force; what flies without weight has none
-    doubt, believed = problem.settings.body_std, problem.body.center_off is None
-    under = {name: under_smaller(look, body_told.found_of(state, name)) for name, look in looks.items()}
-    wrong = {
-        name: body_told.told_in(name, looks[name], under[name], state, kin.inertia, doubt, levers, inside)
-        for name in told
-    }
-    allowed = body_told.allow_for_told(wrong, state, growth, believed)
-    growth = allowed.growth
-    # of a mean motion the center is measured, wherever the body is told to have it
-    center_off = None if problem.motion.position is None else allowed.center_off
-    problem = replace(problem, wrong_mass=allowed.wrong_mass, center_off=center_off).noting(*allowed.said)
-    # the saw teeth of rounding would pass for a shape that rings
-    rounded = problem.rounding > TENTH * kin.noise.get("position", np.inf)
-    shape = None if rounded else markers_beside_pose(kin, looks)
-    problem = replace(problem, looks=looks)
-    if shape is not None and (ringing := ringing_body.ringing(looks, shape)) is not None:
-        ringing, said = ringing_body.allow_for_ringing_body(looks, ringing, state, growth)
-        problem = replace(problem, ringing=ringing).noting(*said)
-    if not inside:
-        return replace(problem, growth=growth)
-    off = wrong["moment"].std if "moment" in wrong else 0.0
-    growth, said = inner_wheel.allow_for_wheels(looks["moment"], under["moment"], state, growth, levers, off)
-    return replace(problem, growth=growth).noting(*said)
-
-
-def told_of_body(problem: Problem, channels: Mapping[str, Channel]) -> dict[str, Array]:
-    """What each channel (time, 3, column) may show of a mass center and an inertia that are told as numbers.
-
-    Not of mass told by its places.
-    """
-    kin, state, seen = problem.kin, problem.state, dict[str, Array]()
-    if kin.inertia.nodal is not None or not kin.attitude:
-        return seen
-    U, R = signatures.deforming_map(kin, problem.deformation.amplitude), state.rotation
-    F = R @ U
-    if "force" in channels:
-        time, shown = channels["force"].time, np.isin(kin.time, channels["force"].time)
-        moves = R[shown], state.omega[shown], state.moment[shown], state.velocity[shown]
-        seen["force"] = signatures.by_center(time, F[shown], moves, kin.inertia.mass)
-    if "moment" in channels:
-        shown = np.isin(kin.time, channels["moment"].time)
-        rate = cross_matrix(state.omega) @ F + R @ np.gradient(U, kin.time, axis=0)
-        inertia = kin.inertia.tensor
-        seen["moment"] = signatures.by_inertia(channels["moment"].time, F[shown], rate[shown], inertia)
-    return seen
-
-
 def allow_for_modes(problem: Problem) -> Problem:
     """What the records of affine modes do not tell of how these move."""
     kin, found = problem.kin, as_smoothed(problem.kin, problem.deformation, problem.state)
@@ -214,36 +128,6 @@ def allow_for_modes(problem: Problem) -> Problem:
         return problem
     seen = kin.time, kin.amplitude, np.nan_to_num(kin.amplitude_var, nan=1.0)
     return replace(problem, moving=motion_growth(*seen, found.prior, found.motion_cov, problem.engine))
-
-
-def may_turn_inside(kin: Kinematics) -> bool:
-    """Whether mass may turn in the body unseen: none does where markers on all mass keep their shape."""
-    marked = kin.inertia.nodal is not None and not (kin.inertia.weight[~kin.seen] > 0).any()
-    return not len(kin.shapes) and not marked
-
-
-def markers_beside_pose(kin: Kinematics, looks: Mapping[str, Whitened]) -> ringing_body.Shape | None:
-    """What markers show beside the pose of a body taken as rigid.
-
-    None where shapes follow it, tracks were low-passed, or not every frame of the channels shows it.
-    """
-    if len(kin.shapes) or kin.every > 1 or not kin.attitude or len(looks) < 2:
-        return None
-    time = looks["force"].channel.time
-    shown = np.isin(kin.time, time)
-    y = kin.pose.residual[shown][:, kin.seen].reshape(int(shown.sum()), -1)
-    freedoms = y.shape[1] - POSE
-    if freedoms <= 0 or not np.array_equal(time, looks["moment"].channel.time) or not np.isfinite(y).all():
-        return None
-    return ringing_body.Shape(y, freedoms, kin.memory)
-
-
-def channels_on_every_axis(problem: Problem) -> dict[str, Channel]:
-    """Channels that show their load on every axis: the moment of a mass on a line does not."""
-    channels = problem.channels
-    if problem.kin.inertia.line is not None:
-        channels.pop("moment", None)
-    return channels
 
 
 def solution_of(problem: Problem) -> Solution:

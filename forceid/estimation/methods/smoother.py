@@ -16,13 +16,12 @@ from forceid.estimation.instruments.on_flight import fused
 from forceid.estimation.instruments.strain_gauges import with_strain_gauges
 from forceid.estimation.loads.channels import DrivenMotion, flight_of
 from forceid.estimation.loads.late_moment import by_the_flight, contradicted
-from forceid.estimation.loads.lines import beyond_rounding, more_lines
+from forceid.estimation.loads.lines import Lines, beyond_rounding, more_lines
 from forceid.estimation.methods.axes import choose_axes
 from forceid.estimation.methods.claims import (
     allow_for_deforming_loads,
     allow_for_edges,
     allow_for_modes,
-    allow_for_priors,
     allow_for_ringing,
     allow_for_slow_errors,
     judge_channels,
@@ -30,6 +29,7 @@ from forceid.estimation.methods.claims import (
     judge_spin,
     solution_of,
 )
+from forceid.estimation.methods.doubts import allow_for_priors
 from forceid.estimation.methods.problem import Problem, Solution
 from forceid.estimation.methods.tuning import (
     cut_force,
@@ -212,13 +212,18 @@ def about_its_path(problem: Problem) -> Problem:
     return nearest
 
 
-def shows_center(problem: Problem) -> bool:
+def shows_center(problem: Problem, lines: Lines) -> bool:
     """Whether the record shows a mass center, told as numbers, elsewhere: what it makes turns with the body,
     and lines would be found in its place, each at the cost of a flight. It is taken there first.
+
+    lines: that would be found.
     """
     told = problem.kin.inertia.nodal is None and problem.body.center_off is None
     shown = problem.kin.attitude and problem.motion.position is not None
-    return told and shown and allow_for_priors(problem.claimed()).center_off is not None
+    if not (told and shown):
+        return False
+    beside = replace(problem.claimed(), lines=lines)
+    return allow_for_priors(beside, ("force",)).center_off is not None
 
 
 def beside_lines(problem: Problem, harmonics: Collection[str] = ()) -> Problem:
@@ -230,7 +235,7 @@ def beside_lines(problem: Problem, harmonics: Collection[str] = ()) -> Problem:
         more = beside_more_lines(problem, harmonics)
         if more.lines is problem.lines:
             return more
-        if not len(problem.lines) and shows_center(problem):
+        if not len(problem.lines) and shows_center(problem, more.lines):
             return problem
         try:
             found = with_frames_that_agree(more)

@@ -70,6 +70,7 @@ def inside(error, cov):
     return (np.abs(error.reshape(len(std), -1)) < 1.96 * std)[MIDDLE].mean()
 
 
+@pytest.mark.long
 def test_where_stress_rules_what_is_applied_is_told_ten_times_better(flight, result):
     recording, _, _, applied, total = flight
     assert rms(total - applied) > 3 * rms(applied)

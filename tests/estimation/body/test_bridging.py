@@ -58,6 +58,7 @@ def test_a_marker_lost_at_an_end_is_held_beside_its_neighbors():
     assert np.abs(bridged(t, lost, np.ones(6, bool)).position - x).max() < 1e-9
 
 
+@pytest.mark.long
 def test_where_many_markers_are_lost_those_that_swing_claim_their_own_errors():
     """Of 40 markers on a tumbling body the last ten swing; all are lost for one to four samples at a time."""
     rng, off, claimed = np.random.default_rng(6), [], []

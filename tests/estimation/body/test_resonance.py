@@ -47,6 +47,7 @@ def test_so_short_a_record_shows_no_ringing(frames):
     assert (np.abs(gain) < PATIENCE).all()
 
 
+@pytest.mark.long
 def test_a_body_that_rings_unseen_by_eye_is_not_pushed_at_its_frequencies():
     """A drawn soft body, its swings a sixth of the noise: taken for rigid, it would show a force of 6 mN."""
     drawn = drawn_record(77059, 782, (100, 1500))

@@ -39,6 +39,7 @@ def test_errors_are_larger_where_a_landing_shakes_the_skin():
     assert noise.size[shaken].mean() > noise.size[quiet].mean()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("task", ["walk", "run", "squat", "jump"])
 def test_a_filter_that_tracks_went_through_is_told_by_their_gaps_to_a_third_of_its_cut(task):
     """Butterworth's of order 2, both ways, which let half of the power pass at `cut`; raw ones none."""

@@ -392,6 +392,7 @@ def test_long_records_are_smoothed_in_stretches_that_agree(monkeypatch):
     np.testing.assert_allclose(pieces.force_std, whole.force_std, rtol=0.1)
 
 
+@pytest.mark.long
 def test_the_whole_body_stays_as_it_is_and_the_file_holds_the_joints(tmp_path):
     parameters = chain(0)
     recording = seen(parameters, 0, time=TIME[:60])

@@ -37,6 +37,7 @@ def test_a_drawn_walker_is_pressed_where_its_feet_are():
     assert np.ptp(at[:, 1]) < 0.4  # the feet are no farther apart, and the pressure is between them
 
 
+@pytest.mark.long
 def test_without_errors_of_the_skin_plates_give_the_moments_of_newtons_law():
     recording = on_plates(walker(1, "walk", 3.0, STILL))
     found = estimate_recording(recording, load_settings(**ASKED)).interface
@@ -49,6 +50,7 @@ def test_without_errors_of_the_skin_plates_give_the_moments_of_newtons_law():
         assert rms(found.moment[:, k] - about) < 0.2 * max(rms(about), 5.0), joint
 
 
+@pytest.mark.long
 def test_joint_loads_are_kept_in_a_result_file(tmp_path):
     recording = walker(2, "squat", 2.0)
     found = estimate_recording(recording, load_settings(**ASKED))
@@ -59,6 +61,7 @@ def test_joint_loads_are_kept_in_a_result_file(tmp_path):
     assert kept.parts[kept.name.index("left thigh to left shank")] == ("left thigh near", "left shank near")
 
 
+@pytest.mark.long
 def test_feet_and_joints_are_told_in_the_terminal_and_drawn_on_the_page():
     found = estimate_recording(walker(2, "squat", 2.0), load_settings(**ASKED))
     said = summary(describe(found, Path("person.h5"), Path("person.result.h5")))
@@ -70,6 +73,7 @@ def test_feet_and_joints_are_told_in_the_terminal_and_drawn_on_the_page():
     assert "Force of pelvis near on left thigh near, world axes" in page
 
 
+@pytest.mark.long
 def test_a_joint_placed_worse_claims_a_moment_with_its_lever():
     recording = on_plates(walker(3, "squat", 2.0))
     sure, open_ = (
@@ -113,6 +117,7 @@ def test_joints_are_of_segments_or_of_parts():
         load_settings(joint_loads=True, part=[{"name": "left", "nodes": [0, 1, 2]}])
 
 
+@pytest.mark.long
 def test_a_plate_under_both_feet_or_under_none_is_refused():
     recording = on_plates(walker(4, "squat", 2.0))
     loads = recording.known_loads
@@ -128,6 +133,7 @@ def test_a_plate_under_both_feet_or_under_none_is_refused():
             )
 
 
+@pytest.mark.long
 def test_a_foot_that_steps_beside_its_plate_leaves_its_leg_unknown_and_not_wrong():
     recording = on_plates(walker(1, "walk", 3.0, STILL))
     loads, clock = recording.known_loads, recording.motion.time

@@ -157,6 +157,7 @@ def on_a_plate(recording, settings, t, seed):
     return replace(recording, known_loads=loads), told
 
 
+@pytest.mark.long
 def test_a_plate_under_a_part_takes_the_place_of_the_load_on_it():
     recording, settings, t = walked(0)
     found = estimate_recording(*on_a_plate(recording, settings, t, 0)).interface
@@ -169,6 +170,7 @@ def test_a_plate_under_a_part_takes_the_place_of_the_load_on_it():
     assert found.dof == 6
 
 
+@pytest.mark.long
 def test_a_known_load_beside_parts_says_on_which_it_acts():
     recording, settings, t = walked(0)
     beside, told = on_a_plate(recording, settings, t, 0)

@@ -38,6 +38,7 @@ def test_other_loads_are_found_beside_a_known_one_within_their_claims(on_body, m
         assert (ratio < 2).all(), (seed, ratio)
 
 
+@pytest.mark.long
 def test_knowing_a_load_beforehand_is_better_than_taking_it_off_afterwards():
     recording, force, moment, _ = flown(33)
     settings = load_settings(method="savgol")

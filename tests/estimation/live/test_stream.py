@@ -73,6 +73,7 @@ def test_it_is_tuned_anew_as_it_goes_and_says_so(monkeypatch):
     assert np.sqrt(np.mean((error / claim) ** 2)) < 1.5
 
 
+@pytest.mark.long
 def test_it_is_tuned_anew_when_frames_have_doubled_unless_it_never_is(monkeypatch):
     monkeypatch.setattr(stream, "TUNING_TIME", 0.2)
     t, x = frames(700)

@@ -203,6 +203,7 @@ def test_where_nothing_pushes_axes_that_turn_are_no_likelier() -> None:
         assert abs(plain[0] + gains[0] - plain[1] - gains[1]) < 3
 
 
+@pytest.mark.long
 def test_asked_for_body_axes_an_estimate_says_how_much_more_likely_they_are_and_stays_within_its_claim() -> (
     None
 ):

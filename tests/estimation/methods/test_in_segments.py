@@ -99,6 +99,7 @@ def test_drawn_persons_are_estimated_nearly_as_well_as_by_the_best_cut_and_err_a
     assert (ratio < 1.5).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("cut", "least"), [(0.0, 0.67), (8.0, 0.4)])
 def test_claims_of_persons_allow_for_what_a_filter_took_that_their_tracks_went_through(cut, least):
     """A walk and a run each of two persons: what is lost above the cut may be more or less than it seems."""

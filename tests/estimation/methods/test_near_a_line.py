@@ -18,6 +18,7 @@ def near_a_line(width):
     return whole(*np.stack([LEVER + off[:, 0], ALONG, off[:, 1]], 1))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("width", [1e-3, 2e-3])  # m, where a coordinate is read to 0.3 mm
 @pytest.mark.parametrize("seed", [0, 1])
 def test_loads_are_found_though_a_frame_hardly_tells_the_turn_about_the_line(width, seed, estimated):

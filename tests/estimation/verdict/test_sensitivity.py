@@ -144,6 +144,7 @@ def test_wrong_nodal_masses_scale_both(boomerang):
     assert agrees(moment, bias.moment, 0.01)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("along", ALONG)
 def test_center_wrong_by_two_millimeters_costs_what_the_budget_says(rigid, along):
     recording, solution = rigid

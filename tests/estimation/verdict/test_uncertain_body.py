@@ -68,6 +68,7 @@ def test_the_mass_alone_widens_the_force_along_itself_by_its_share():
     np.testing.assert_allclose((cov - plain)[:3, :3], 0.01 * np.outer(force, force), rtol=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", list(STD))
 def test_each_doubt_adds_to_the_claim(name):
     recording = recorded()

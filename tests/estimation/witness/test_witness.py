@@ -200,6 +200,7 @@ def test_what_a_load_gave_in_a_long_gap_is_not_held_against_it():
     np.testing.assert_array_equal(apiece(time, jump, lost // 5), jump)
 
 
+@pytest.mark.long
 def test_a_gap_in_all_markers_is_no_difference_of_the_moment():
     t, off = np.arange(400) / 200.0, []
     J = np.diag([2e-3, 3e-3, 4e-3])

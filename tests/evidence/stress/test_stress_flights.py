@@ -101,6 +101,7 @@ def test_there_are_twenty_failures_of_eight_levels_with_names_of_their_own():
 RECORDED = [f for f in FAILURES if not f.deforms and subject_of(f) is FLIGHTS]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("failure", RECORDED, ids=lambda f: f.name)
 def test_every_failure_begins_with_a_valid_record_and_the_same_seed_makes_it_again(failure):
     level = failure.levels[0]

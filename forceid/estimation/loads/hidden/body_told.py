@@ -6,13 +6,13 @@ deforms by a map F, both do with it. These are patterns that the motion fixes, a
 likely with them: beforehand as likely as none, of the size that is stated (body_std), or that usual
 measurements leave. The prior of the load has grown to what such a pattern passed for, so that smaller loads
 are tried beside it. So are their rivals, a force that keeps to the body, of a spring or a dashpot at a point
-of it, of a blow beside the center or of air, those of a wheel, and an inertia of another size: what they
-explain as well tells of nothing wrong. Of a mass no motion tells, nor of the size of an inertia. Who is seen
-to have told one of the three wrong is believed in none: the mass is as likely wrong as the likelier of the
-other two, where either would matter; by itself a mass is weighed. A mass center that a record shows beside
-its rivals, at odds that chance reaches once in a hundred, is taken there: if every part of the record shows
-it, which a blow does not, and the same, which air does not. No inertia is: what it makes is worked out from
-the turn that tells of it. Source: principal equations 2.4, 2.6.
+of it, of a blow beside the center, of air, or of a shaker that turns the body as well, those of a wheel, and
+an inertia of another size: what they explain as well tells of nothing wrong. Of a mass no motion tells, nor
+of the size of an inertia. Who is seen to have told one of the three wrong is believed in none: the mass is as
+likely wrong as the likelier of the other two, where either would matter; by itself a mass is weighed. A mass
+center that a record shows beside its rivals, at odds that chance reaches once in a hundred, is taken there:
+if every part of the record shows it, which a blow does not, and the same, which air does not. No inertia is:
+what it makes is worked out from the turn that tells of it. Source: principal equations 2.4, 2.6.
 """
 
 from __future__ import annotations
@@ -42,6 +42,7 @@ SAID = {"force": ("center-told", "N", 1e3), "moment": ("inertia-told", "N m", 10
 SWUNG = 0.02  # of moments of inertia, and the mass in them: as well they are known by swings on wires
 CENTER, SPRING, DASHPOT = slice(3), slice(3, 6), slice(6, 9)  # columns of `by_center`
 WITH_MOMENT, WITH_AIR = [*range(9, 18)], [*range(18, 27)]  # columns of `by_center`
+SHAKEN = 27  # columns of `by_center` from there on
 OF_SIZE, NONE = slice(17, 18), slice(0)  # columns that no motion tells: the last of `by_inertia`, or none
 
 
@@ -120,7 +121,9 @@ def told_in(
     """
     size = found_of(state, load)
     if load == "force":
-        rivals, said = [(one, size) for one in (SPRING, DASHPOT, WITH_MOMENT, WITH_AIR)], doubt.mass_center
+        each: list[slice | list[int]] = [SPRING, DASHPOT, WITH_MOMENT, WITH_AIR]
+        each += shaken(look.also.shape[2])
+        rivals, said = [(one, size) for one in each], doubt.mass_center
         columns, unseen, std = CENTER, NONE, said or balanced(inertia)
     else:
         wheel = length(state.H) / np.sqrt(3) if inside else 0.0
@@ -128,6 +131,13 @@ def told_in(
         rivals, said = [*rivals, (OF_SIZE, doubt.inertia or SWUNG)], doubt.inertia
         columns, unseen, std = TOLD, OF_SIZE, said or SWUNG
     return Suspect(look, under, columns, unseen, std, tuple(one for one in rivals if one[1]), bool(said))
+
+
+def shaken(columns: int) -> list[slice | list[int]]:
+    """Of so many columns of `by_center`, those of a shaker: all, of one frequency, along one axis alone."""
+    of_one = [slice(at, at + 6) for at in range(SHAKEN, columns, 6)]
+    alone = [[one.start + axis, one.start + axis + 3] for one in of_one for axis in range(3)]
+    return [*([slice(SHAKEN, columns)] if len(of_one) > 1 else []), *of_one, *alone]
 
 
 def wrongs(told: Mapping[str, Suspect], state: FlightState, growth: Array) -> Iterator[Wrong]:

@@ -5,6 +5,8 @@ Source: principal equations 2.4, 2.6.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.linalg import null_space
@@ -33,13 +35,21 @@ def deforming_map(kin: Kinematics, amplitude: Array) -> Array:
     return mapped(kin.shape, shape_at(kin, amplitude))
 
 
-def by_center(time: Array, F: Array, state: tuple[Array, Array, Array, Array], mass: float) -> Array:
-    """What the channel of a force (time, 3, 27) sees of a mass center told wrong, and of its rivals.
+def by_center(
+    time: Array,
+    F: Array,
+    state: tuple[Array, Array, Array, Array],
+    mass: float,
+    turning: Sequence[float] = (),
+) -> Array:
+    """What the channel of a force (time, 3, 27 + 6 each) sees of a mass center told wrong, and its rivals.
 
     Of each unit, along axes of the body: a place in what it carries, F (time, 3, 3); a force that keeps to
     the body, as of a spring; its rate over the spin, as of a dashpot; a force along one axis that goes with
     the moment about another, over its size, as of a blow beside the center; and one that goes with velocity
-    along another and speed, as of air. state: rotation (time, 3, 3), spin, moment, velocity (time, 3).
+    along another and speed, as of air; and of each frequency Hz at which a moment turns it, the two phases
+    of a force along each axis of the world, as of a shaker, which makes both. state: rotation (time, 3, 3),
+    spin, moment, velocity (time, 3).
     """
     R, omega, moment, velocity = state
     speed = np.linalg.norm(velocity, axis=1)[:, None]
@@ -49,7 +59,10 @@ def by_center(time: Array, F: Array, state: tuple[Array, Array, Array, Array], m
     once = cumulative_trapezoid(forces, time, axis=0, initial=0) / mass
     twice = cumulative_trapezoid(once, time, axis=0, initial=0)
     damped = once[..., :3] / max(length(omega), 1 / float(np.ptp(time)))
-    return np.concatenate([F, twice[..., :3], damped, twice[..., 3:]], 2)
+    w = 2 * np.pi * np.array(turning)
+    shaken = np.stack([np.cos(time[:, None] * w), np.sin(time[:, None] * w)], 2) / (mass * w**2)[:, None]
+    waves = shaken.reshape(len(time), 1, -1, 1) * np.eye(3)[:, None]
+    return np.concatenate([F, twice[..., :3], damped, twice[..., 3:], waves.reshape(len(time), 3, -1)], 2)
 
 
 def by_inertia(time: Array, F: Array, rate: Array, inertia: Array) -> Array:

@@ -61,6 +61,7 @@ def test_a_body_without_a_wheel_is_not_said_to_have_one():
         assert "inner-wheel" not in found.verdict.codes
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "samples", [200, 260]
 )  # the longer one goes through compiled lanes, if there are any

@@ -76,6 +76,7 @@ def test_both_ends_of_a_contact_are_found_within_a_sample():
     assert prior.tuned.pieces.edges == pytest.approx(edges, abs=STEP)
 
 
+@pytest.mark.long
 def test_both_ends_of_each_of_several_contacts_are_found():
     edges = (0.2413, 0.2729, 0.6112, 0.6391, 1.1209, 1.1518)
     prior = searched(drawn(4, edges, 100.0)[0])
@@ -244,6 +245,7 @@ def test_what_shocks_change_compiled_is_what_is_written_in_numpy(steady):
         np.testing.assert_allclose(ours, plain, rtol=1e-9, atol=1e-9 * np.abs(plain).max())
 
 
+@pytest.mark.long
 def test_a_blow_that_one_prior_would_follow_is_a_piece_and_the_load_around_it_is_known():
     case = drawn_flight(52763, 27, "impact")
     recording, force, _ = case["with"]
@@ -256,6 +258,7 @@ def test_a_blow_that_one_prior_would_follow_is_a_piece_and_the_load_around_it_is
     assert off < 1.5 * np.sqrt((found.force_std[away] ** 2).mean())
 
 
+@pytest.mark.long
 def test_a_moment_is_cut_where_the_force_is_though_one_prior_would_follow_it():
     case = drawn_flight(52763, 25, "contact")
     recording, _, moment = case["with"]
