@@ -94,10 +94,12 @@ def estimate_mass_points(
     for load, channel in channels.items():
         with stage("force" if load == "force" else "moment"):
             stated = stated_of(settings, load)
-            loud = replace(channel, noise_cov=noise.most**2 * channel.noise_cov)
-            some = ORDERS if part_of is None else (part_of[load].kernel.order,)
-            least = tune(loud, stated=stated, orders=some).kernel.order
-            orders[load] = tuple(order for order in some if order >= min(least, FREE))
+            if part_of is None:
+                loud = replace(channel, noise_cov=noise.most**2 * channel.noise_cov)
+                least = min(tune(loud, stated=stated, orders=ORDERS).kernel.order, FREE)
+                orders[load] = tuple(order for order in ORDERS if order >= least)
+            else:
+                orders[load] = (part_of[load].kernel.order,)
             priors[load] = tune(channel, stated=stated, orders=orders[load])
             states[load] = smoothed(channel, priors[load], engine, causal)
     state = both(kin, motion, *of_both(states))

@@ -47,13 +47,12 @@ def widened_by_misplaced_mass(
     own (node,): the segment of each node; mass (node,) kg, arm (time, node, 3) m from the mass center; each
     (m): by which the mass center of a segment is off, along each of its axes.
     """
-    m = np.bincount(own, mass, len(poses.segment))
-    turned = filled_turns(channels["force"].time, poses.rotation)
+    total = np.bincount(own, mass, len(poses.segment))
+    heavy = np.flatnonzero(total > 0)
+    m, turned = total[heavy], filled_turns(channels["force"].time, poses.rotation[:, heavy])
     moved = m[:, None, None] * turned.swapaxes(2, 3)  # (time, segment, d, world)
-    u = np.stack(
-        [np.einsum("n,tna->ta", mass[own == k], arm[:, own == k]) / max(m[k], 1e-300) for k in range(len(m))],
-        1,
-    )
+    weighed = [np.einsum("n,tna->ta", mass[own == k], arm[:, own == k]) / total[k] for k in heavy]
+    u = np.stack(weighed, 1)
     swept = np.cross(moved[:-1], u[1:, :, None]) + np.cross(u[:-1, :, None], moved[1:])
     swept = np.concatenate([np.zeros_like(swept[:1]), np.cumsum(swept, axis=0)])
     T = len(arm)

@@ -19,6 +19,7 @@ from forceid.records import Array
 from forceid.significance import MEDIAN, PATIENCE, TENTH
 
 NEARLY_NONE = np.geomspace(TENTH**4, 1.0, 17)  # white shares of the variance: smoothed tracks have none
+OF_AN_OCTAVE = 16  # of its parts in one of which no spectrum of skin or filter changes much: by a tenth
 HIGHEST = 0.4  # cycles a sample up to which a filter is looked for: nearer to one half numbers are rounded
 
 
@@ -64,13 +65,15 @@ def source_of(gaps: Array, step: float, doubt: float) -> tuple[LowPassed, LowPas
         return None
     seen = f < HIGHEST
     f, power, clear = f[seen] / step, power[seen], clear[seen]
+    which = np.unique((OF_AN_OCTAVE * np.log2(f / f[0])).astype(int), return_inverse=True)[1]
+    each, octaves = 1 / f / (1 / f).sum(), np.log2(f[-1] / f[0])
+    weight, among = np.bincount(which, each), np.bincount(which, each * clear) / each[clear].sum()
+    f, power = (np.bincount(which, each * a) / weight for a in (f, power))
     w: Array = 2 * np.pi * f
-    octaves, weight = np.log2(f[-1] / f[0]), 1 / w / (1 / w).sum()
     rates = np.geomspace(w[0], np.pi / step, 2 * MEMORIES)
     colored = np.array([Color(k, float(r), 1.0, step).density(w) for k, r in product(COLORS, rates)])
     white = NEARLY_NONE[:, None, None]
     shape = (white + (1 - white) * colored).reshape(-1, len(w))
-    among = np.where(clear, weight, 0.0) / weight[clear].sum()
 
     def likely(passed: Array) -> float:
         """With what came behind the filter; errors as large as they are where they stand out of that."""
