@@ -19,7 +19,7 @@ from forceid.records import Array
 from forceid.significance import MEDIAN, PATIENCE, TENTH
 
 NEARLY_NONE = np.geomspace(TENTH**4, 1.0, 17)  # white shares of the variance: smoothed tracks have none
-OF_AN_OCTAVE = 16  # of its parts in one of which no spectrum of skin or filter changes much: by a tenth
+OF_AN_OCTAVE = 16  # of its parts: the steepest filter means over one what it is in its middle, to a fiftieth
 HIGHEST = 0.4  # cycles a sample up to which a filter is looked for: nearer to one half numbers are rounded
 
 
