@@ -40,9 +40,10 @@ from forceid.estimation.routes import (
 )
 from forceid.estimation.standing import ground_on_feet, told_on_parts
 from forceid.estimation.stated import (
-    as_shown,
     check_stiffness,
+    further_places,
     judge_shown,
+    with_body_shown,
     with_stated,
     without_mechanism,
 )
@@ -118,22 +119,27 @@ def rows_solved(body: Body) -> int:
 
 
 def estimate_shown(recording: Recording, settings: Settings) -> tuple[Estimate, Solution | None]:
-    """The estimate of a recording as one body, its mass center where its motion shows it to be; and the
-    solution behind it unless it is refused.
+    """The estimate of a recording as one body, its mass center and its inertia where its motion shows them;
+    and the solution behind it unless it is refused.
 
-    Loads that passed for a center told wrong leave it a little beside; under what is left of them the motion
-    shows it better, until it moves no less than half as far as before: then it is no center that shows.
+    Loads that passed for one told wrong leave it a little beside; under what is left of them the motion shows
+    it better. Lines, which would hold what is left, are sought when all rests.
     """
     result, solution = estimate_whole(recording, settings)
-    told, last = None, np.inf
-    while solution is not None and (off := solution.center_off) is not None:
-        if not (move := length(off[None])) < last / 2:
-            break
-        now, last = solution.kinematics.inertia.center, move
+    told, moved, rests = None, dict[str, tuple[float, ...]](), True
+    while solution is not None:
+        now = solution.kinematics.inertia
         told = now if told is None else told
+        off = {"center": solution.center_off, "tensor": solution.inertia_off}
+        places, moved = further_places(off, moved, told, now)
+        if rests and not places:
+            break
+        rests = not places or settings.lines != "auto"
+        recording = replace(recording, body=with_body_shown(recording.body, told, **places))
+        asked = settings if rests else settings.model_copy(update={"lines": "none"})
         try:
-            shown, behind = estimate_whole(*as_shown(recording, settings, told, told - now + off))
-        except EstimationError:  # what there is claims a center told wrong
+            shown, behind = estimate_whole(recording, asked)
+        except EstimationError:  # what there is claims a body told wrong
             break
         if shown.verdict.level == "refused":
             break
@@ -192,14 +198,15 @@ def estimate_beside(
     doubt, solution = with_mass_in_doubt(settings.body_std, solution)
     if solution.kinematics.model == SEGMENTS:  # whose claims have the place of their mass by now
         doubt = doubt.model_copy(update={"mass_center": 0.0})
-    open_state = with_uncertain_body(solution.state, solution.kinematics, solution.deformation, doubt)
+    moved = solution.kinematics, solution.deformation
+    open_state = with_uncertain_body(solution.state, *moved, doubt, body.shown)
     rounded = judge_rounding(solution.kinematics)
     said = (*judge_shown(body), *rounded, *judge_mending(mended), *solution.findings)
     solution = replace(solution, state=open_state, findings=said)
     found = solution.kinematics
     deforms = bool(len(found.shapes))
-    shown = of_new_frames(motion, found) if found.model == SEGMENTS else motion
-    witness = witness_of(body, shown, solution.state, found.color, deforms, found.of_center)
+    seen_by = of_new_frames(motion, found) if found.model == SEGMENTS else motion
+    witness = witness_of(body, seen_by, solution.state, found.color, deforms, found.of_center)
     solution = replace(solution, state=yielding(solution.state, witness))
     differs = judge_witness(witness, solution.state)
     known = None

@@ -41,8 +41,8 @@ class Body:
     stays, -1 for none; marker_shape (marker, 3) m: where markers are in one pose of the body; joint_segment
     (joint, 2): the nodes of the segments that meet at a joint, which is at joint_shape (joint, 3) m in that
     pose; marker and joint: their names.
-    center_off: how far, m, mass_center was told beside where its own motion showed it, and it is; None where
-    it is as told.
+    center_off: how far, m, mass_center was told beside where its own motion showed it, and it is;
+    inertia_off: the same of inertia, as part of it; 0 where that was tried, None where it was not.
     """
 
     node: tuple[str, ...] = ()
@@ -73,6 +73,15 @@ class Body:
     joint_segment: Array | None = None
     joint_shape: Array | None = None
     center_off: float | None = None
+    inertia_off: float | None = None
+
+    @property
+    def shown(self) -> frozenset[str]:
+        """Loads of what is not as it was told, but as the motion shows it: force of the center, moment of the
+        inertia.
+        """
+        off = {"force": self.center_off, "moment": self.inertia_off}
+        return frozenset(load for load, by in off.items() if by)
 
     @property
     def inside_stated(self) -> bool:

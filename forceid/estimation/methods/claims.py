@@ -162,4 +162,5 @@ def solution_of(problem: Problem) -> Solution:
         between=problem.between,
         wrong_mass=problem.wrong_mass,
         center_off=problem.center_off,
+        inertia_off=problem.inertia_off,
     )

@@ -10,7 +10,7 @@ import numpy as np
 from forceid.estimation.body.kinematics import Kinematics
 from forceid.estimation.loads.hidden import body_told, inner_wheel, ringing_body, signatures
 from forceid.estimation.loads.hidden.order_uncertainty import Rivals
-from forceid.estimation.loads.hidden.patterns import under_smaller
+from forceid.estimation.loads.hidden.patterns import Smaller, under_smaller
 from forceid.estimation.loads.hidden.whitened import Whitened, whitened
 from forceid.estimation.methods.problem import Problem
 from forceid.estimation.methods.tuning import stated_of
@@ -22,12 +22,35 @@ from forceid.significance import TENTH
 POSE = 6  # freedoms of a pose
 
 
-def allow_for_priors(problem: Problem, loads: Collection[str] = ("force", "moment")) -> Problem:
-    """What the record does not tell of the priors of some loads, and a wheel that may turn inside."""
+def allow_for_priors(problem: Problem) -> Problem:
+    """What the record does not tell of the priors of its loads and of its body, and a wheel inside."""
+    problem, under, off = allow_for_body(problem)
+    state, kin, looks, growth = problem.state, problem.kin, problem.looks, problem.growth
+    assert growth is not None
+    # the saw teeth of rounding would pass for a shape that rings
+    rounded = problem.rounding > TENTH * kin.noise.get("position", np.inf)
+    shape = None if rounded else markers_beside_pose(kin, looks)
+    if shape is not None and (ringing := ringing_body.ringing(looks, shape)) is not None:
+        ringing, said = ringing_body.allow_for_ringing_body(looks, ringing, state, growth)
+        problem = replace(problem, ringing=ringing).noting(*said)
+    if "moment" not in looks or not may_turn_inside(problem):
+        return problem
+    seen = looks["moment"], under["moment"], state, growth, arm(problem), off
+    growth, said = inner_wheel.allow_for_wheels(*seen)
+    return replace(problem, growth=growth).noting(*said)
+
+
+def allow_for_body(
+    problem: Problem, loads: Collection[str] = ("force", "moment")
+) -> tuple[Problem, dict[str, Smaller], float]:
+    """What the record does not tell of the priors of some loads, and of the body, told as numbers.
+
+    Also returned: what channels show under smaller loads, and by what part the inertia may be told wrong.
+    """
     state, kin, priors = problem.state, problem.kin, problem.priors
     every = channels_on_every_axis(problem)
     channels = {name: ch for name, ch in every.items() if name in loads and priors[name].kernel.rivals}
-    inside = "moment" in channels and not problem.body.inside_stated and may_turn_inside(kin)
+    inside = "moment" in channels and may_turn_inside(problem)
     turned = {name: problem.turned_at(name) for name in channels if kin.attitude}
     beside = told_of_body(problem, channels)
     told = {*beside}
@@ -42,34 +65,32 @@ def allow_for_priors(problem: Problem, loads: Collection[str] = ("force", "momen
     }
     known = {name: stated_of(problem.settings, name) for name in looks}
     rivals = {name: look for name, look in looks.items() if (one := known[name]) is None or not one.whole}
-    problem = replace(problem, rivals=Rivals(rivals, state))
-    growth = Rivals(rivals, state).growth()
-    levers = (
-        kin.inertia.gyration if problem.motion.gravity.any() else 0.0
-    )  # of a force; what flies without weight has none
-    doubt, believed = problem.settings.body_std, problem.body.center_off is None
+    problem = replace(problem, looks=looks, rivals=Rivals(rivals, state))
+    doubt, taken = problem.settings.body_std, problem.body.shown
     under = {name: under_smaller(look, body_told.found_of(state, name)) for name, look in looks.items()}
+    of_body = state, kin.inertia, doubt, arm(problem), inside
     wrong = {
-        name: body_told.told_in(name, looks[name], under[name], state, kin.inertia, doubt, levers, inside)
-        for name in told
+        name: body_told.told_in(name, looks[name], under[name], *of_body, name in taken) for name in told
     }
-    allowed = body_told.allow_for_told(wrong, state, growth, believed)
-    growth = allowed.growth
+    allowed = body_told.allow_for_told(wrong, state, Rivals(rivals, state).growth(), taken)
     # of a mean motion the center is measured, wherever the body is told to have it
     center_off = None if problem.motion.position is None else allowed.center_off
-    problem = replace(problem, wrong_mass=allowed.wrong_mass, center_off=center_off).noting(*allowed.said)
-    # the saw teeth of rounding would pass for a shape that rings
-    rounded = problem.rounding > TENTH * kin.noise.get("position", np.inf)
-    shape = None if rounded else markers_beside_pose(kin, looks)
-    problem = replace(problem, looks=looks)
-    if shape is not None and (ringing := ringing_body.ringing(looks, shape)) is not None:
-        ringing, said = ringing_body.allow_for_ringing_body(looks, ringing, state, growth)
-        problem = replace(problem, ringing=ringing).noting(*said)
-    if not inside:
-        return replace(problem, growth=growth)
-    off = wrong["moment"].std if "moment" in wrong else 0.0
-    growth, said = inner_wheel.allow_for_wheels(looks["moment"], under["moment"], state, growth, levers, off)
-    return replace(problem, growth=growth).noting(*said)
+    inertia_off = None
+    if allowed.inertia_off is not None:
+        inertia_off = signatures.of_parts(kin.inertia.tensor, allowed.inertia_off)
+    problem = replace(
+        problem,
+        growth=allowed.growth,
+        wrong_mass=allowed.wrong_mass,
+        center_off=center_off,
+        inertia_off=inertia_off,
+    )
+    return problem.noting(*allowed.said), under, wrong["moment"].std if "moment" in wrong else 0.0
+
+
+def arm(problem: Problem) -> float:
+    """Arm (m) of a force that turns the body; what flies without weight has none, and 0."""
+    return problem.kin.inertia.gyration if problem.motion.gravity.any() else 0.0
 
 
 def told_of_body(problem: Problem, channels: Mapping[str, Channel]) -> dict[str, Array]:
@@ -95,8 +116,11 @@ def told_of_body(problem: Problem, channels: Mapping[str, Channel]) -> dict[str,
     return seen
 
 
-def may_turn_inside(kin: Kinematics) -> bool:
+def may_turn_inside(problem: Problem) -> bool:
     """Whether mass may turn in the body unseen: none does where markers on all mass keep their shape."""
+    kin = problem.kin
+    if problem.body.inside_stated:
+        return False
     marked = kin.inertia.nodal is not None and not (kin.inertia.weight[~kin.seen] > 0).any()
     return not len(kin.shapes) and not marked
 

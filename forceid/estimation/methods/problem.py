@@ -58,8 +58,8 @@ class Problem:
     axes; between (time, 6, 6): variance of the wrench between axes of its loads that the record does not
     tell apart; growth: of the errors claimed, moving: of those of affine modes; impulses:
     of loads that come in pieces; ringing: loads that may ring with the body unseen; looks: channels as
-    their priors whiten them; wrong_mass: part by which the mass may be told wrong; center_off: by what the
-    mass center is.
+    their priors whiten them; wrong_mass: part by which the mass may be told wrong; center_off, inertia_off:
+    by what mass center and inertia are.
     """
 
     body: Body
@@ -100,6 +100,7 @@ class Problem:
     rivals: Rivals | None = None
     wrong_mass: float = 0.0
     center_off: Array | None = None
+    inertia_off: Array | None = None
 
     @property
     def kin(self) -> Kinematics:
@@ -220,7 +221,7 @@ class Solution:
     ringing: loads that may ring with the body unseen; looks: channels as their priors whiten them; modal:
     forces on modes, where the method tells them itself; rivals: what other priors make of the growth;
     wrong_mass: part of itself by which the mass may be told wrong, as far as the record shows; center_off
-    (3,): by what, m, body axes, it shows the mass center to be told wrong, None for nothing.
+    (3,) m, inertia_off (3, 3) kg m2: by what, body axes, it shows each to be told wrong, None for nothing.
     """
 
     kinematics: Kinematics
@@ -244,6 +245,7 @@ class Solution:
     between: Array | float = 0.0
     wrong_mass: float = 0.0
     center_off: Array | None = None
+    inertia_off: Array | None = None
 
     @property
     def grown(self) -> Array | None:

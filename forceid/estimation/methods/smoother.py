@@ -29,7 +29,7 @@ from forceid.estimation.methods.claims import (
     judge_spin,
     solution_of,
 )
-from forceid.estimation.methods.doubts import allow_for_priors
+from forceid.estimation.methods.doubts import allow_for_body, allow_for_priors
 from forceid.estimation.methods.problem import Problem, Solution
 from forceid.estimation.methods.tuning import (
     cut_force,
@@ -212,18 +212,21 @@ def about_its_path(problem: Problem) -> Problem:
     return nearest
 
 
-def shows_center(problem: Problem, lines: Lines) -> bool:
-    """Whether the record shows a mass center, told as numbers, elsewhere: what it makes turns with the body,
-    and lines would be found in its place, each at the cost of a flight. It is taken there first.
+def shows_body(problem: Problem, lines: Lines) -> bool:
+    """Whether the record shows a mass center or an inertia, told as numbers, elsewhere: what that makes turns
+    with the body, and lines would be found in its place, each at the cost of a flight. It is taken first.
 
     lines: that would be found.
     """
-    told = problem.kin.inertia.nodal is None and problem.body.center_off is None
-    shown = problem.kin.attitude and problem.motion.position is not None
-    if not (told and shown):
+    found = {"force": lines.force, "moment": lines.moment}
+    held = {"force": problem.lines.force, "moment": problem.lines.moment}
+    shown = {"force": problem.motion.position is not None, "moment": True}
+    taken = {"force": problem.body.center_off, "moment": problem.body.inertia_off}
+    asked = [load for load in found if found[load] and not held[load] and shown[load] and taken[load] is None]
+    if problem.kin.inertia.nodal is not None or not problem.kin.attitude or not asked:
         return False
-    beside = replace(problem.claimed(), lines=lines)
-    return allow_for_priors(beside, ("force",)).center_off is not None
+    judged, *_ = allow_for_body(replace(problem.claimed(), lines=lines), asked)
+    return judged.center_off is not None or judged.inertia_off is not None
 
 
 def beside_lines(problem: Problem, harmonics: Collection[str] = ()) -> Problem:
@@ -235,7 +238,7 @@ def beside_lines(problem: Problem, harmonics: Collection[str] = ()) -> Problem:
         more = beside_more_lines(problem, harmonics)
         if more.lines is problem.lines:
             return more
-        if not len(problem.lines) and shows_center(problem, more.lines):
+        if shows_body(problem, more.lines):
             return problem
         try:
             found = with_frames_that_agree(more)

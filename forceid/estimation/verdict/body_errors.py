@@ -11,6 +11,7 @@ motion. Claims count how uncertain the body is that was stated. Source: principa
 
 from __future__ import annotations
 
+from collections.abc import Set
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -166,23 +167,29 @@ def after_fit(kin: Kinematics, change: Array) -> tuple[Array, Array]:
 
 
 def with_uncertain_body(
-    state: FlightState, kin: Kinematics, deformation: Deformation, std: BodyStdSetting
+    state: FlightState,
+    kin: Kinematics,
+    deformation: Deformation,
+    std: BodyStdSetting,
+    shown: Set[str] = frozenset(),
 ) -> FlightState:
     """A state whose wrench claims what errors of the body would make of it, to first order along the motion.
 
     The moment is about the mass center as stated: an error of its place is a lever of the force. Each error
-    is independent of all others, and the same at all times in the axes of the body. Source: principal
-    equations 2.4, 2.6.
+    is independent of all others, and the same at all times in the axes of the body. shown: loads of what the
+    motion showed, all but the size of an inertia. Source: principal equations 2.4, 2.6.
     """
     if not (std.mass or std.mass_center or std.inertia):
         return state
     motion = turning_of(kin, deformation, state, np.zeros_like(state.force))
     force, moment = columns(motion)
     errors: list[tuple[Array, Array]] = [wrong_mass(motion, std.mass)]
-    errors += [(std.mass_center * force[:, :, k], std.mass_center * moment[:, :, k]) for k in range(3)]
+    center = 0.0 if "force" in shown else std.mass_center
+    errors += [(center * force[:, :, k], center * moment[:, :, k]) for k in range(3)]
     values, axes = np.linalg.eigh(kin.inertia.tensor)
-    for value, axis in zip(values, axes.T, strict=True):
-        entries = np.array([value * axis[i] * axis[j] for i, j in SYMMETRIC])
+    each = [value * np.outer(axis, axis) for value, axis in zip(values, axes.T, strict=True)]
+    for wrong in [kin.inertia.tensor] if "moment" in shown else each:
+        entries = np.array([wrong[at] for at in SYMMETRIC])
         errors.append((np.zeros_like(state.force), std.inertia * moment[:, :, 3:] @ entries))
     wrench = np.stack([np.concatenate(pair, 1) for pair in errors], 2)
     # where no rotation is known, the mass alone counts, and the weight of its force

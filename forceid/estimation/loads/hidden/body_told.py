@@ -10,14 +10,14 @@ of it, of a blow beside the center, of air, or of a shaker that turns the body a
 an inertia of another size: what they explain as well tells of nothing wrong. Of a mass no motion tells, nor
 of the size of an inertia. Who is seen to have told one of the three wrong is believed in none: the mass is as
 likely wrong as the likelier of the other two, where either would matter; by itself a mass is weighed. A mass
-center that a record shows beside its rivals, at odds that chance reaches once in a hundred, is taken there:
-if every part of the record shows it, which a blow does not, and the same, which air does not. No inertia is:
-what it makes is worked out from the turn that tells of it. Source: principal equations 2.4, 2.6.
+center or an inertia that a record shows beside its rivals, at odds that chance reaches once in a hundred, is
+taken there: if every part of the record shows it, which a blow does not, and the same, which air does not.
+Source: principal equations 2.4, 2.6.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -95,13 +95,15 @@ class Wrong:
 class Allowance(NamedTuple):
     """Growth ([time,] 6, 6) of claimed errors that allows for a body told wrong, and what is said of it.
 
-    wrong_mass: part of the mass by which it may be wrong (rms); center_off (3,) m, body axes: where shown.
+    wrong_mass: part of the mass by which it may be wrong (rms); center_off (3,) m, body axes, inertia_off
+    (column,) of TOLD: by what each is told wrong, where the record shows it.
     """
 
     growth: Array
     wrong_mass: float = 0.0
     said: tuple[Finding, ...] = ()
     center_off: Array | None = None
+    inertia_off: Array | None = None
 
 
 def told_in(
@@ -113,11 +115,13 @@ def told_in(
     doubt: BodyStdSetting,
     lever: float,
     inside: bool,
+    shown: bool,
 ) -> Suspect:
     """What of a body may be told wrong in the channel of a load: look, beside `by_center`, or beside
     `inner_wheel.signals` and `by_inertia` behind them, under smaller loads.
 
-    doubt: as stated; lever m: of a force that turns the body, 0 for none; inside: whether a wheel may be.
+    doubt: as stated; lever m: of a force that turns the body, 0 for none; inside: whether a wheel may be;
+    shown: whether it is where the motion showed it, and of what was stated the size of an inertia is left.
     """
     size = found_of(state, load)
     if load == "force":
@@ -129,8 +133,9 @@ def told_in(
         wheel = length(state.H) / np.sqrt(3) if inside else 0.0
         rivals = [(TURNING, size), *((columns, lever) for columns in LEVERS), (WHEEL, wheel)]
         rivals, said = [*rivals, (OF_SIZE, doubt.inertia or SWUNG)], doubt.inertia
-        columns, unseen, std = TOLD, OF_SIZE, said or SWUNG
-    return Suspect(look, under, columns, unseen, std, tuple(one for one in rivals if one[1]), bool(said))
+        columns, unseen, std = TOLD, NONE if said else OF_SIZE, said or SWUNG
+    known = bool(said) and not shown
+    return Suspect(look, under, columns, unseen, std, tuple(one for one in rivals if one[1]), known)
 
 
 def shaken(columns: int) -> list[slice | list[int]]:
@@ -155,8 +160,8 @@ def wrongs(told: Mapping[str, Suspect], state: FlightState, growth: Array) -> It
 
 
 def beside_rivals(told: Suspect) -> tuple[float, bool, Array, Array]:
-    """Log-likelihood that a record gains by what is told wrong, whether that is steady (parts of the record
-    gain by it, but no more by amounts of their own), its amounts (column,), and their covariance.
+    """Log-likelihood that a record gains by what is told wrong, whether that is steady (all quarters of a
+    record gain by it, but no more by amounts of their own), its amounts (column,), and their covariance.
 
     With it and without it each rival is as likely there as none.
     """
@@ -172,21 +177,21 @@ def beside_rivals(told: Suspect) -> tuple[float, bool, Array, Array]:
     mean = weight @ amounts
     spread = np.einsum("r,ri,rj->ij", weight, amounts - mean, amounts - mean)
     cov = np.einsum("r,rij->ij", weight, [one.cov[own, own] for one in with_it]) + spread
-    apart = held[0].apart
-    steady = held[0].gained >= min(max(apart), MOST_GAINED) and bool(min(apart) > -np.log(CHANCE))
+    steady = held[0].throughout and held[0].gained >= min(max(held[0].apart), MOST_GAINED)
     return float(total - np.logaddexp.reduce(without)), steady, mean, cov
 
 
 def allow_for_told(
-    told: Mapping[str, Suspect], state: FlightState, growth: Array, believed: bool = True
+    told: Mapping[str, Suspect], state: FlightState, growth: Array, taken: Set[str] = frozenset()
 ) -> Allowance:
     """What claims must allow for a body told wrong; findings where that matters.
 
-    believed: nothing told was seen to be wrong before. Who is seen to have measured one badly did the others,
-    as far as that is open; who said how well he knows it has claimed that already.
+    taken: loads of what was seen to be told wrong, and is where the motion showed it. Who is seen to have
+    measured one badly did the others, as far as that is open; who said how well he knows it has claimed that
+    already.
     """
     each, said = list(wrongs(told, state, growth)), list[Finding]()
-    best = max((one.gained for one in each), default=-np.inf) if believed else np.inf
+    best = max((one.gained for one in each), default=-np.inf) if not taken else np.inf
     badly = best > np.log(STRONG)
     for one in (one for one in each if not told[one.load].stated):
         ratio = (one.off / one.claimed) ** 2 * expit(best if badly else one.gained)
@@ -197,21 +202,19 @@ def allow_for_told(
             code, unit, scale = SAID[one.load]
             amount, made = scale * float(np.linalg.norm(one.amounts)), float(np.linalg.norm(one.off))
             said.append(note(code, amount=amount, made=made, found=found_of(state, one.load), unit=unit))
-    force = [center_shown(told["force"], one, believed) for one in each if one.load == "force"]
+    off = {one.load: shown(told[one.load], one, one.load in taken) for one in each}
     mass = SWUNG * float(np.sqrt(expit(best))) if told else 0.0
-    return Allowance(growth, mass, tuple(said), force[0] if force else None)
+    return Allowance(growth, mass, tuple(said), off.get("force"), off.get("moment"))
 
 
-def center_shown(told: Suspect, wrong: Wrong, believed: bool) -> Array | None:
-    """How far off (3,) m, body axes, the mass center is where the record shows it; None where it does not.
+def shown(told: Suspect, wrong: Wrong, taken: bool) -> Array | None:
+    """By how much (column,) of each it is told wrong where the record shows that; None where it does not.
 
-    One that was taken where the record showed it moves on for as long as that makes more than is claimed.
+    What was taken where the record showed it moves on too for as long as that makes more than is claimed.
     """
-    if believed and not (wrong.steady and wrong.gained > -np.log(CHANCE)):
-        return None
-    off = told.held(wrong.amounts)
+    off, seen = told.held(wrong.amounts), wrong.steady and wrong.gained > -np.log(CHANCE)
     made = np.sqrt(np.mean((told.made[..., told.columns] @ off) ** 2, axis=0))
-    return off if believed or (made > wrong.claimed).any() else None
+    return off if seen or (taken and (made > wrong.claimed).any()) else None
 
 
 def found_of(state: FlightState, load: str) -> float:

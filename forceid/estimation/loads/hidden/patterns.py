@@ -32,11 +32,13 @@ SIZES = 10  # of a load, each half of the last: to a thousandth; to a millionth 
 class Held:
     """Log-likelihood that a record gains by a pattern; the amounts (column,) likeliest of it, their cov.
 
-    apart: what it gains by amounts of their own in each half of the record, and in each quarter.
+    apart: what it gains by amounts of their own in all halves of the record, and in all quarters; throughout:
+    whether every quarter gains by the amounts of the whole.
     """
 
     gained: float
     apart: tuple[float, ...]
+    throughout: bool
     amounts: Array
     cov: Array
 
@@ -68,24 +70,24 @@ def patterns_held(
     """
     every, none = np.arange(look.also.shape[2]), list[float]()
     own = [(every[columns], std * np.ones(len(every[columns]))) for columns, std in patterns]
-    each: list[list[tuple[Array, Array, Array]]] = [[] for _ in patterns]
+    each: list[list[tuple[Array, Array, Array, bool]]] = [[] for _ in patterns]
     for mean_too, alike in product((False, True), (False, True)):
         highest = np.full(len(patterns), -np.inf)
         for share in 0.5 ** np.arange(mean_too, SIZES):
             likely, products = under(float(share), float(share**mean_too), alike)
             none.append(likely)
             for found, (columns, std) in zip(each, own, strict=True):
-                amount, cov, more = amounts(products, columns, std)
-                found.append((none[-1] + more, amount, cov))
+                amount, cov, more, throughout = amounts(products, columns, std)
+                found.append((none[-1] + more, amount, cov, throughout))
             level = np.array([found[-1][0][0] for found in each])
             if not (level > highest + TENTH).any():
                 break
             highest = np.maximum(level, highest)
     without, held = np.logaddexp.reduce(none), []
     for found in each:
-        _, amount, cov = max(found, key=lambda one: one[0][0])
+        _, amount, cov, throughout = max(found, key=lambda one: one[0][0])
         gained, *apart = (np.logaddexp.reduce([one[0] for one in found]) - without).tolist()
-        held.append(Held(min(gained, MOST_GAINED), tuple(apart), amount, cov))
+        held.append(Held(min(gained, MOST_GAINED), tuple(apart), throughout, amount, cov))
     return held
 
 
@@ -124,11 +126,12 @@ def products_in_parts(innovation: Array) -> Array:
     return np.concatenate([quarters.sum(0, keepdims=True), halves, quarters])
 
 
-def amounts(products: Array, columns: Indices, std: Array) -> tuple[Array, Array, Array]:
+def amounts(products: Array, columns: Indices, std: Array) -> tuple[Array, Array, Array, bool]:
     """How much of some signals (column,) innovations hold: (column,), its covariance, and what they gain.
 
     products: of parts of a record; std (column,): of the amounts, before the record is seen. Gained (3,): the
-    log-likelihood by these amounts, and by ones of their own in each half, and in each quarter.
+    log-likelihood by these amounts, and by ones of their own in each half, and in each quarter; and whether
+    every quarter gains by these.
     """
     at = 1 + columns
     told = std[:, None] * products[:, at[:, None], at] * std + np.eye(len(std))  # amounts of one beforehand
@@ -136,4 +139,5 @@ def amounts(products: Array, columns: Indices, std: Array) -> tuple[Array, Array
     likely = np.linalg.solve(told, seen[..., None])[..., 0]
     gained = 0.5 * ((seen * likely).sum(1) - np.linalg.slogdet(told)[1])
     cov = std[:, None] * np.linalg.inv(told[0]) * std
-    return std * likely[0], cov, np.add.reduceat(gained, [0, 1, 3])
+    throughout = seen @ likely[0] - 0.5 * likely[0] @ (told - np.eye(len(std))) @ likely[0]
+    return std * likely[0], cov, np.add.reduceat(gained, [0, 1, 3]), bool((throughout[-QUARTERS:] > 0).all())

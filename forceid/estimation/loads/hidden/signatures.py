@@ -78,6 +78,11 @@ def by_inertia(time: Array, F: Array, rate: Array, inertia: Array) -> Array:
     return np.asarray(cumulative_trapezoid(np.stack(H, -1), time, axis=0, initial=0))
 
 
+def of_parts(inertia: Array, amounts: Array) -> Array:
+    """The inertia (3, 3) that amounts (column,) of the first `parts` of another one make."""
+    return np.tensordot(amounts, parts(inertia)[: len(amounts)], 1)
+
+
 def parts(inertia: Array) -> Array:
     """Parts (6, 3, 3) of an inertia (3, 3), all of one size beside its diagonal, the last along itself."""
     scale, entries = np.sqrt(np.diagonal(inertia)), np.zeros((len(SYMMETRIC), 3, 3))

@@ -300,15 +300,17 @@ def test_lines_are_sought_when_the_center_is_where_the_motion_shows_it(monkeypat
     t, x = one.motion.time, one.motion.position
     shaken = x + 0.001 * np.sin(2 * np.pi * 7.0 * t)[:, None, None] * np.array([0.0, 0.6, 0.8])
     one = replace(one, motion=replace(one.motion, position=shaken))
-    judge = smoother.allow_for_priors
+    judge = smoother.allow_for_body
     for off in (np.full(3, 1e-3), None):
-        monkeypatch.setattr(
-            smoother, "allow_for_priors", lambda p, *loads, off=off: replace(judge(p, *loads), center_off=off)
-        )
+
+        def judged(p, loads, off=off):
+            return replace(judge(p, loads)[0], center_off=off), {}, 0.0
+
+        monkeypatch.setattr(smoother, "allow_for_body", judged)
         held = estimate_whole(one, settings)[1].priors["force"].lines
         assert bool(held) == (off is None)
     body = replace(one.body, center_off=1e-3)  # taken there already
-    monkeypatch.setattr(smoother, "allow_for_priors", None)
+    monkeypatch.setattr(smoother, "allow_for_body", None)
     assert estimate_whole(replace(one, body=body), settings)[1].priors["force"].lines
 
 
