@@ -7,12 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from evidence.calibration.record import drawn_record
 from evidence.judged import judged_part, rms
-from forceid.config import load_settings
+from forceid.config import BodyStdSetting, load_settings
 from forceid.estimation.body.inertia import Inertia
 from forceid.estimation.run import estimate_recording, estimate_whole
 from forceid.estimation.stated import with_body_shown
+from forceid.estimation.verdict.body_errors import with_uncertain_body
 from forceid.records import Body, Motion, Recording
 
 RATE, FRAMES, NOISE, MARKERS = 200.0, 400, 3e-4, 8  # Hz, frames, m
@@ -89,9 +89,8 @@ def test_an_inertia_is_taken_within_a_tenth_of_how_far_it_was_told_wrong():
 
 @pytest.mark.long
 def test_a_moment_that_acts_on_the_body_stays():
-    """Of a known law in body axes, while the inertia was told wrong; and where it was told right."""
-    over, shown = [], []
-    for seed in range(8):
+    """It swings along axes of the body, whose inertia is told right, or wrong."""
+    for seed in range(4):
         rng = np.random.default_rng([8, seed])
         most, pace, phase = rng.uniform(-0.2, 0.2, 3), rng.uniform(2, 9, 3), rng.uniform(0, 6, 3)
 
@@ -101,11 +100,10 @@ def test_a_moment_that_acts_on_the_body_stays():
         for off in (0.0, OFF):
             one, moment, _ = tumbling(seed, swinging, off)
             found = estimate_recording(one, load_settings(**RIGID))
-            error, claim = judged_part(found.moment - moment), judged_part(found.moment_std)
-            over.append(np.sqrt((error**2).mean() / (claim**2).mean()))
-            shown.append(is_shown(found))
-    assert max(over) < 2
-    assert 0.4 < np.sqrt(np.mean(np.square(over))) < 1.3
+            error = judged_part(found.moment - moment)
+            assert rms(error) < 2 * rms(judged_part(found.moment_std))
+            assert rms(error) < 0.2 * rms(moment)
+            assert off or not is_shown(found)
 
 
 @pytest.mark.long
@@ -133,13 +131,15 @@ def test_a_moment_that_keeps_to_a_body_in_steady_spin_is_no_inertia_told_wrong()
     assert not is_shown(found)
 
 
-@pytest.mark.long
 def test_the_size_of_an_inertia_that_is_shown_is_as_uncertain_as_it_was_stated():
-    one, moment, _ = tumbling(4, lambda t, w: np.array([0.3, -0.2, 0.25]) * np.sin(9 * t))
-    said = 0.05
-    found = estimate_recording(one, load_settings(**RIGID, body_std={"inertia": said}))
-    assert is_shown(found)
-    assert rms(found.moment_std) > 0.7 * said * rms(moment)
+    """It makes part of the moment found, and no more."""
+    one, _, _ = tumbling(4, lambda t, w: np.array([0.3, -0.2, 0.25]) * np.sin(9 * t), 0.0)
+    _, solution = estimate_whole(one, load_settings(**RIGID))
+    said = BodyStdSetting(inertia=0.05)
+    state, *seen = solution.state, solution.kinematics, solution.deformation
+    added = with_uncertain_body(state, *seen, said, frozenset({"moment"})).wrench_cov - state.wrench_cov
+    claimed = np.sqrt(np.trace(added[:, 3:, 3:], axis1=1, axis2=2))
+    np.testing.assert_allclose(claimed, said.inertia * np.linalg.norm(state.moment, axis=1), rtol=1e-6)
 
 
 def test_an_inertia_that_is_shown_is_one_that_a_body_may_have():
@@ -150,21 +150,3 @@ def test_an_inertia_that_is_shown_is_one_that_a_body_may_have():
     assert size[2] <= size[0] + size[1] + 1e-12
     assert body.inertia_off == pytest.approx(0.01 / np.sqrt(14))
     assert with_body_shown(body, told, tensor=told.tensor).inertia_off == 0.0
-
-
-@pytest.mark.long
-def test_of_drawn_bodies_told_wrong_the_moment_errs_less_where_the_motion_shows_the_inertia():
-    ratios, over = [], []
-    for number in range(120):
-        drawn = drawn_record(5301, number, (100, 500))
-        if not drawn.drawn.told.startswith("wrong"):
-            continue
-        settings = load_settings(**drawn.settings)
-        found = estimate_recording(drawn.recording, settings)
-        if is_shown(found):
-            told, truth = estimate_whole(drawn.recording, settings)[0], drawn.recording.truth["moment"]
-            ratios.append(rms(found.moment - truth) / rms(told.moment - truth))
-            over.append(rms(found.moment - truth) / rms(found.moment_std))
-    assert len(ratios) >= 4
-    assert np.median(ratios) < 0.3
-    assert max(over) < 2
