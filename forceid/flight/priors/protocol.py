@@ -258,6 +258,12 @@ class LoadPrior:
         tuned = replace(self.tuned, kernel=self.kernel.of(alike), pieces=pieces)
         return replace(self, tuned=tuned)
 
+    @property
+    def is_alike(self) -> bool:
+        """Whether it is so already."""
+        kernel = self.kernel
+        return self.tuned.pieces is None and not np.ptp(kernel.std) and not np.ptp(kernel.rate)
+
     def axes_along(self, rotation: Array) -> Array:
         """Axes that the kernel holds along, as columns in world axes: (3, 3), or (time, 3, 3) of one that
         turns with a rotation (time, 3, 3) of the body.

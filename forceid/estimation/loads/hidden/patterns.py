@@ -71,7 +71,8 @@ def patterns_held(
     every, none = np.arange(look.also.shape[2]), list[float]()
     own = [(every[columns], std * np.ones(len(every[columns]))) for columns, std in patterns]
     each: list[list[tuple[Array, Array, Array, bool]]] = [[] for _ in patterns]
-    for mean_too, alike in product((False, True), (False, True)):
+    along = (False,) if look.prior.is_alike else (False, True)
+    for mean_too, alike in product((False, True), along):
         highest = np.full(len(patterns), -np.inf)
         for share in 0.5 ** np.arange(mean_too, SIZES):
             likely, products = under(float(share), float(share**mean_too), alike)
