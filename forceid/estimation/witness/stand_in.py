@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from forceid.errors import EstimationError
 from forceid.estimation.body.deformation import Deformation, inertia_along
 from forceid.estimation.body.kinematics import Kinematics
+from forceid.estimation.loads.plain_cut import Cut
 from forceid.estimation.methods.problem import Solution
 from forceid.estimation.verdict.catalogue import note
-from forceid.estimation.witness.plain_route import channel, plain_route
+from forceid.estimation.witness.plain_route import PlainChannel, channel, plain_route
 from forceid.estimation.witness.witness import low_passed, spectrum_and_cuts
 from forceid.flight.smoother import FlightState
-from forceid.records import Body, Motion
+from forceid.records import Array, Body, Motion
+from forceid.significance import SIGMAS
+
+TOLD_BY = 16  # numbers that an octave above a cut is judged by: its mean square is known to a third
 
 
 def stand_in(body: Body, motion: Motion, kin: Kinematics, error: EstimationError) -> Solution | None:
@@ -32,7 +39,7 @@ def stand_in(body: Body, motion: Motion, kin: Kinematics, error: EstimationError
         if part is not None:
             _, cuts = spectrum_and_cuts(part)
             loads[:, first : first + 3], std = low_passed(motion.time, part, cuts)
-            var[:, first : first + 3] = std**2
+            var[:, first : first + 3] = std**2 + missed(motion.time, part, cuts)
     still, none = np.zeros_like(kin.amplitude), np.full((T, 3), np.nan)
     velocity, seen = none.copy(), np.isfinite(center).all(1)
     velocity[seen] = np.gradient(center[seen], motion.time[seen], axis=0)
@@ -43,3 +50,21 @@ def stand_in(body: Body, motion: Motion, kin: Kinematics, error: EstimationError
     found = note("plain-route-instead", where=error.where, what=error.what, next_step=error.next_step)
     deformation = Deformation(still, still, *inertia_along(kin, still, still))
     return Solution(kin, deformation, state, "scipy", {}, {}, (found,))
+
+
+def missed(time: Array, channel: PlainChannel, cuts: list[Cut]) -> Array:
+    """Mean square (time, 3) of what an octave above its cuts holds of a load, where that is more than noise.
+
+    A cut is that of a whole record, and steps on the way go beyond it for a while.
+    """
+    found = np.zeros((len(time), 3))
+    above = [replace(cut, frequency=2 * cut.frequency) for cut in cuts]
+    (below, _), (wide, noise) = (low_passed(time, channel, each) for each in (cuts, above))
+    step = float(np.median(np.diff(channel.time)))
+    for axis, cut in enumerate(cuts):
+        beside, expected = ((a[channel.frame, axis]) ** 2 for a in (wide - below, noise))
+        samples = max(int(TOLD_BY / (2 * cut.frequency * step)), 1)
+        own = uniform_filter1d(beside, samples), uniform_filter1d(expected, samples)
+        chance = 1 + SIGMAS * np.sqrt(2 / TOLD_BY)
+        found[channel.frame, axis] = np.where(own[0] > chance * own[1], own[0], 0.0)
+    return found
