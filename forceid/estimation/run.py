@@ -198,11 +198,10 @@ def estimate_beside(
     doubt, solution = with_mass_in_doubt(settings.body_std, solution)
     if solution.kinematics.model == SEGMENTS:  # whose claims have the place of their mass by now
         doubt = doubt.model_copy(update={"mass_center": 0.0})
-    moved = solution.kinematics, solution.deformation
-    open_state = with_uncertain_body(solution.state, *moved, doubt, body.shown)
+    wider = with_uncertain_body(solution.state, solution.kinematics, solution.deformation, doubt, body.shown)
     rounded = judge_rounding(solution.kinematics)
     said = (*judge_shown(body), *rounded, *judge_mending(mended), *solution.findings)
-    solution = replace(solution, state=open_state, findings=said)
+    solution = replace(solution, state=wider, findings=said)
     found = solution.kinematics
     deforms = bool(len(found.shapes))
     seen_by = of_new_frames(motion, found) if found.model == SEGMENTS else motion

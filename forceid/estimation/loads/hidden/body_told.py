@@ -202,12 +202,12 @@ def allow_for_told(
             code, unit, scale = SAID[one.load]
             amount, made = scale * float(np.linalg.norm(one.amounts)), float(np.linalg.norm(one.off))
             said.append(note(code, amount=amount, made=made, found=found_of(state, one.load), unit=unit))
-    off = {one.load: shown(told[one.load], one, one.load in taken) for one in each}
+    off = {one.load: put_right(told[one.load], one, one.load in taken) for one in each}
     mass = SWUNG * float(np.sqrt(expit(best))) if told else 0.0
     return Allowance(growth, mass, tuple(said), off.get("force"), off.get("moment"))
 
 
-def shown(told: Suspect, wrong: Wrong, taken: bool) -> Array | None:
+def put_right(told: Suspect, wrong: Wrong, taken: bool) -> Array | None:
     """By how much (column,) of each it is told wrong where the record shows that; None where it does not.
 
     What was taken where the record showed it moves on too for as long as that makes more than is claimed.
