@@ -102,17 +102,17 @@ def told_of_body(problem: Problem, channels: Mapping[str, Channel]) -> dict[str,
     if kin.inertia.nodal is not None or not kin.attitude:
         return seen
     U, R = signatures.deforming_map(kin, problem.deformation.amplitude), state.rotation
-    F = R @ U
+    F, turning = R @ U, sorted({line.frequency for line in problem.lines.moment})
     if "force" in channels:
         time, shown = channels["force"].time, np.isin(kin.time, channels["force"].time)
         moves = R[shown], state.omega[shown], state.moment[shown], state.velocity[shown]
-        turning = sorted({line.frequency for line in problem.lines.moment})
         seen["force"] = signatures.by_center(time, F[shown], moves, kin.inertia.mass, turning)
     if "moment" in channels:
         shown = np.isin(kin.time, channels["moment"].time)
         rate = cross_matrix(state.omega) @ F + R @ np.gradient(U, kin.time, axis=0)
         inertia = kin.inertia.tensor
-        seen["moment"] = signatures.by_inertia(channels["moment"].time, F[shown], rate[shown], inertia)
+        carried = F[shown], rate[shown]
+        seen["moment"] = signatures.by_inertia(channels["moment"].time, *carried, inertia, turning)
     return seen
 
 

@@ -42,7 +42,7 @@ SAID = {"force": ("center-told", "N", 1e3), "moment": ("inertia-told", "N m", 10
 SWUNG = 0.02  # of moments of inertia, and the mass in them: as well they are known by swings on wires
 CENTER, SPRING, DASHPOT = slice(3), slice(3, 6), slice(6, 9)  # columns of `by_center`
 WITH_MOMENT, WITH_AIR = [*range(9, 18)], [*range(18, 27)]  # columns of `by_center`
-SHAKEN = 27  # columns of `by_center` from there on
+SHAKEN, SWINGING = 27, 18  # columns of `waves` from there on: of `by_center`, and behind `by_inertia`
 OF_SIZE, NONE = slice(17, 18), slice(0)  # columns that no motion tells: the last of `by_inertia`, or none
 
 
@@ -132,6 +132,7 @@ def told_in(
     else:
         wheel = length(state.H) / np.sqrt(3) if inside else 0.0
         rivals = [(TURNING, size), *((columns, lever) for columns in LEVERS), (WHEEL, wheel)]
+        rivals += [(own, size) for own in at_frequencies(SWINGING, look.also.shape[2])]
         rivals, said = [*rivals, (OF_SIZE, doubt.inertia or SWUNG)], doubt.inertia
         columns, unseen, std = TOLD, NONE if said else OF_SIZE, said or SWUNG
     known = bool(said) and not shown
@@ -140,9 +141,15 @@ def told_in(
 
 def shaken(columns: int) -> list[slice | list[int]]:
     """Of so many columns of `by_center`, those of a shaker: all, of one frequency, along one axis alone."""
-    of_one = [slice(at, at + 6) for at in range(SHAKEN, columns, 6)]
-    alone = [[one.start + axis, one.start + axis + 3] for one in of_one for axis in range(3)]
-    return [*([slice(SHAKEN, columns)] if len(of_one) > 1 else []), *of_one, *alone]
+    each = at_frequencies(SHAKEN, columns)
+    alone = [[at + axis, at + axis + 3] for at in range(SHAKEN, columns, 6) for axis in range(3)]
+    return [*each, *alone]
+
+
+def at_frequencies(first: int, columns: int) -> list[slice]:
+    """Of so many columns, `waves` from a first one on: those of all frequencies, and those of each."""
+    of_one = [slice(at, at + 6) for at in range(first, columns, 6)]
+    return [*([slice(first, columns)] if len(of_one) > 1 else []), *of_one]
 
 
 def wrongs(told: Mapping[str, Suspect], state: FlightState, growth: Array) -> Iterator[Wrong]:

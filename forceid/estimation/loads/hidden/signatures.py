@@ -59,14 +59,21 @@ def by_center(
     once = cumulative_trapezoid(forces, time, axis=0, initial=0) / mass
     twice = cumulative_trapezoid(once, time, axis=0, initial=0)
     damped = once[..., :3] / max(length(omega), 1 / float(np.ptp(time)))
-    w = 2 * np.pi * np.array(turning)
-    shaken = np.stack([np.cos(time[:, None] * w), np.sin(time[:, None] * w)], 2) / (mass * w**2)[:, None]
-    waves = shaken.reshape(len(time), 1, -1, 1) * np.eye(3)[:, None]
-    return np.concatenate([F, twice[..., :3], damped, twice[..., 3:], waves.reshape(len(time), 3, -1)], 2)
+    return np.concatenate([F, twice[..., :3], damped, twice[..., 3:], waves(time, turning) / mass], 2)
 
 
-def by_inertia(time: Array, F: Array, rate: Array, inertia: Array) -> Array:
-    """What the channel of a moment (time, 3, 6) sees of an inertia told too large, by its columns of `parts`.
+def waves(time: Array, frequencies: Sequence[float]) -> Array:
+    """The second integrals (time, 3, 6 each) of loads that swing at frequencies in Hz: of each the two phases
+    along each axis of the world.
+    """
+    w = 2 * np.pi * np.array(frequencies)
+    swung = np.stack([np.cos(time[:, None] * w), np.sin(time[:, None] * w)], 2) / (w**2)[:, None]
+    return np.asarray((swung.reshape(len(time), 1, -1, 1) * np.eye(3)[:, None]).reshape(len(time), 3, -1))
+
+
+def by_inertia(time: Array, F: Array, rate: Array, inertia: Array, turning: Sequence[float] = ()) -> Array:
+    """What the channel of a moment (time, 3, 6 + 6 each) sees of an inertia told too large, by its columns of
+    `parts`, and of a moment that swings at each frequency Hz.
 
     F, rate (time, 3, 3): of what the body carries, world axes, and its rate; inertia (3, 3) kg m2, body axes.
     The angular momentum of a second moment E is the axial part of F E F'^T.
@@ -75,7 +82,8 @@ def by_inertia(time: Array, F: Array, rate: Array, inertia: Array) -> Array:
     for wrong in parts(inertia):
         each = F @ second_moment(wrong) @ rate.mT
         H.append(np.stack([each[:, a, b] - each[:, b, a] for a, b in ((1, 2), (2, 0), (0, 1))], 1))
-    return np.asarray(cumulative_trapezoid(np.stack(H, -1), time, axis=0, initial=0))
+    made = cumulative_trapezoid(np.stack(H, -1), time, axis=0, initial=0)
+    return np.concatenate([made, waves(time, turning)], 2)
 
 
 def of_parts(inertia: Array, amounts: Array) -> Array:
