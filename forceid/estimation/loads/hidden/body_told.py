@@ -167,8 +167,8 @@ def wrongs(told: Mapping[str, Suspect], state: FlightState, growth: Array) -> It
 
 
 def beside_rivals(told: Suspect) -> tuple[float, bool, Array, Array]:
-    """Log-likelihood that a record gains by what is told wrong, whether that is steady (all quarters of a
-    record gain by it, but no more by amounts of their own), its amounts (column,), and their covariance.
+    """Log-likelihood that a record gains by what is told wrong, whether that is steady (it gains by that
+    alone, in all quarters, but no more by amounts of their own), its amounts (column,), and their covariance.
 
     With it and without it each rival is as likely there as none.
     """
@@ -184,7 +184,8 @@ def beside_rivals(told: Suspect) -> tuple[float, bool, Array, Array]:
     mean = weight @ amounts
     spread = np.einsum("r,ri,rj->ij", weight, amounts - mean, amounts - mean)
     cov = np.einsum("r,rij->ij", weight, [one.cov[own, own] for one in with_it]) + spread
-    steady = held[0].throughout and held[0].gained >= min(max(held[0].apart), MOST_GAINED)
+    alone, least = held[0], max(-np.log(CHANCE), min(max(held[0].apart), MOST_GAINED))
+    steady = alone.throughout and alone.gained >= least
     return float(total - np.logaddexp.reduce(without)), steady, mean, cov
 
 
