@@ -220,9 +220,12 @@ def put_right(told: Suspect, wrong: Wrong, taken: bool) -> Array | None:
 
     What was taken where the record showed it moves on too for as long as that makes more than is claimed.
     """
-    off, seen = told.held(wrong.amounts), wrong.steady and wrong.gained > -np.log(CHANCE)
+    seen = wrong.steady and wrong.gained > -np.log(CHANCE)
+    if not (seen or taken):
+        return None
+    off = told.held(wrong.amounts)
     made = np.sqrt(np.mean((told.made[..., told.columns] @ off) ** 2, axis=0))
-    return off if seen or (taken and (made > wrong.claimed).any()) else None
+    return off if seen or (made > wrong.claimed).any() else None
 
 
 def found_of(state: FlightState, load: str) -> float:
