@@ -42,7 +42,7 @@ SAID = {"force": ("center-told", "N", 1e3), "moment": ("inertia-told", "N m", 10
 SWUNG = 0.02  # of moments of inertia, and the mass in them: as well they are known by swings on wires
 CENTER, SPRING, DASHPOT = slice(3), slice(3, 6), slice(6, 9)  # columns of `by_center`
 WITH_MOMENT, WITH_AIR = [*range(9, 18)], [*range(18, 27)]  # columns of `by_center`
-SHAKEN, SWINGING = 27, 18  # columns of `waves` from there on: of `by_center`, and behind `by_inertia`
+SHAKEN, SWINGING = 27, 18  # columns of `swung_at` from there on: of `by_center`, and behind `by_inertia`
 OF_SIZE, NONE = slice(17, 18), slice(0)  # columns that no motion tells: the last of `by_inertia`, or none
 
 
@@ -147,7 +147,7 @@ def shaken(columns: int) -> list[slice | list[int]]:
 
 
 def at_frequencies(first: int, columns: int) -> list[slice]:
-    """Of so many columns, `waves` from a first one on: those of all frequencies, and those of each."""
+    """Of so many columns, `swung_at` from a first one on: those of all frequencies, and those of each."""
     of_one = [slice(at, at + 6) for at in range(first, columns, 6)]
     return [*([slice(first, columns)] if len(of_one) > 1 else []), *of_one]
 

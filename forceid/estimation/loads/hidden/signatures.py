@@ -59,16 +59,16 @@ def by_center(
     once = cumulative_trapezoid(forces, time, axis=0, initial=0) / mass
     twice = cumulative_trapezoid(once, time, axis=0, initial=0)
     damped = once[..., :3] / max(length(omega), 1 / float(np.ptp(time)))
-    return np.concatenate([F, twice[..., :3], damped, twice[..., 3:], waves(time, turning) / mass], 2)
+    return np.concatenate([F, twice[..., :3], damped, twice[..., 3:], swung_at(time, turning) / mass], 2)
 
 
-def waves(time: Array, frequencies: Sequence[float]) -> Array:
+def swung_at(time: Array, frequencies: Sequence[float]) -> Array:
     """The second integrals (time, 3, 6 each) of loads that swing at frequencies in Hz: of each the two phases
     along each axis of the world.
     """
     w = 2 * np.pi * np.array(frequencies)
-    swung = np.stack([np.cos(time[:, None] * w), np.sin(time[:, None] * w)], 2) / (w**2)[:, None]
-    return np.asarray((swung.reshape(len(time), 1, -1, 1) * np.eye(3)[:, None]).reshape(len(time), 3, -1))
+    phases = np.stack([np.cos(time[:, None] * w), np.sin(time[:, None] * w)], 2) / (w**2)[:, None]
+    return np.asarray((phases.reshape(len(time), 1, -1, 1) * np.eye(3)[:, None]).reshape(len(time), 3, -1))
 
 
 def by_inertia(time: Array, F: Array, rate: Array, inertia: Array, turning: Sequence[float] = ()) -> Array:
@@ -83,7 +83,7 @@ def by_inertia(time: Array, F: Array, rate: Array, inertia: Array, turning: Sequ
         each = F @ second_moment(wrong) @ rate.mT
         H.append(np.stack([each[:, a, b] - each[:, b, a] for a, b in ((1, 2), (2, 0), (0, 1))], 1))
     made = cumulative_trapezoid(np.stack(H, -1), time, axis=0, initial=0)
-    return np.concatenate([made, waves(time, turning)], 2)
+    return np.concatenate([made, swung_at(time, turning)], 2)
 
 
 def of_parts(inertia: Array, amounts: Array) -> Array:
