@@ -46,7 +46,8 @@ struct Flights {
 // principal/folded.hpp, motion/poses.hpp and kabsch.hpp, pseudorigid/polar.hpp and splitting.hpp
 struct Bodies {
   void (*sums)(Array A, Array W, Out out);
-  Poses (*fitted)(Array position, Index frames, Index nodes, Array shape, Array weight, Array A, Array C);
+  Poses (*fitted)(Array position, Index frames, Index nodes, Array shape, Array begin, Array weight, Array A,
+                  Array C);
   Three (*turned)(Array position, Array shape, Array weight);
   Three (*polar)(Array F);
   Four (*bipolar)(Array F);

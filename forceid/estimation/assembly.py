@@ -160,18 +160,18 @@ def under_gauge(
 ) -> tuple[Array, Array]:
     """Rotation (time, 3, 3) and deformation (time, node, 3) under the complement that `gauge` names.
 
-    The estimator works in the mass gauge; another one turns the mean axes by what its fit sees: euclidean to
-    all nodes alike, sensor to those that carry a marker, which is no mean motion. polar: the rotation of
-    F = R U, which is that of an affine body in the mass gauge. Source: principal equations 2.5.
+    The estimator works in the mass gauge, or in one that holds a body which bends far; another one turns
+    the mean axes by what its fit sees: euclidean to all nodes alike, sensor to those that carry a marker,
+    which is no mean motion. polar: the rotation of F = R U, which is that of an affine body in the mass
+    gauge. Source: principal equations 2.5.
     """
     mean = kin.shape
     if gauge == "mass" and polar is not None:
         return polar, np.einsum("tba,tbc,tnc->tna", polar, rotation, shape, optimize=True) - mean
-    if gauge == "mass" or not len(mean):
+    if (gauge == "mass" and kin.gauge is mean) or not len(mean):
         return rotation, shape - mean
-    _, turned = fit_rotation(
-        shape, mean, np.ones(len(mean)) if gauge == "euclidean" else kin.seen.astype(float)
-    )
+    weights = {"mass": kin.inertia.weight, "euclidean": np.ones(len(mean)), "sensor": kin.seen}
+    _, turned = fit_rotation(shape, mean, weights[gauge].astype(float))
     return rotation @ turned, np.einsum("tba,tnb->tna", turned, shape) - mean
 
 

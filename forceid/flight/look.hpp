@@ -21,7 +21,7 @@ Looked look(Array position, Index nodes, Array shape, Array weight, Array A, Arr
             Array gain, Array leak, Array inertia, Array momentum, Array inside, Size each) {
   const Size frame = 0, N = position.shape(0), k = nodes.shape(0), states = x_.size(), m = momentum.shape(1);
   const auto [center, R_, cov, residual, arrived] =
-      poses::fitted(Array(position.data(), {1, N, 3}), Index(&frame, {1}), nodes, shape, weight, A, C);
+      poses::fitted(Array(position.data(), {1, N, 3}), Index(&frame, {1}), nodes, shape, shape, weight, A, C);
   Out mean({3}), R_next({3, 3}), x({states}), J({3, 3}), h({3});
   double off[6] = {}, *c = mean.data(), *R = R_.data();
   std::fill(x.data(), x.data() + states, 0.0);

@@ -55,21 +55,23 @@ def fit_pose(
     cov: Array | ReadingCov,
     own: Array | None = None,
     uneven: Array | None = None,
+    begin: Array | None = None,
 ) -> Pose:
     """Pose of every frame by generalized least squares from the markers seen in it.
 
     position (time, node, 3), NaN = not seen; shape (node, 3) about the mass center; weight (node,) of the
-    rotation fit that it starts from; cov, or a matrix of it (3 node, 3 node), body axes: of marker noise,
-    plus of the deformation, if there is one. With the deformation in the mass gauge in `cov`, a marker lost
-    biases neither center nor rotation. own (time, node) m2: variance that single readings have beside.
-    uneven (3, 3) m2: covariance of the noise of every marker beside, world axes; it moves no weight of the
-    fit, and is in the covariance of the pose. Source: principal equations 2.5, 4b.
+    rotation fit that it starts from, to the shape begin (node, 3) where one is given; cov, or a matrix of
+    it (3 node, 3 node), body axes: of marker noise, plus of the deformation, if there is one. With the
+    deformation in the mass gauge in `cov`, a marker lost biases neither center nor rotation. own (time,
+    node) m2: variance that single readings have beside. uneven (3, 3) m2: covariance of the noise of every
+    marker beside, world axes; it moves no weight of the fit, and is in the covariance of the pose. Source:
+    principal equations 2.5, 4b.
     """
     T, cov = len(position), ReadingCov.of(cov)
     center, R, cov6 = np.full((T, 3), np.nan), np.full((T, 3, 3), np.nan), np.full((T, 6, 6), np.nan)
     out = Pose(center, R, cov6, np.full_like(position, np.nan), np.full(T, np.nan), np.zeros(T))
     for pattern, more, at in frames_seen_alike(position, own):
-        fit = frame_fit(shape, weight, pattern, cov, more)
+        fit = frame_fit(shape, weight, pattern, cov, more, begin)
         if fit is None:
             continue
         found = fitted(fit, position, at)

@@ -89,14 +89,15 @@ def seen_together(position: Array) -> tuple[Flags, Indices]:
 class FrameFit:
     """What the pose of frames takes that see the markers of `pattern` (node,): prepared once for all of them.
 
-    shape (node, 3) m about the mass center; start (node,): weights of the rotation fit that begins; gain:
-    gain (6, channel), covariance (6, 6) of the pose in body axes, and that of the channels; nodes: of the
-    pattern.
+    shape (node, 3) m about the mass center; start (node,): weights of the rotation fit that begins, to the
+    shape begin (node, 3); gain: gain (6, channel), covariance (6, 6) of the pose in body axes, and that of
+    the channels; nodes: of the pattern.
     """
 
     pattern: Flags
     shape: Array
     start: Array
+    begin: Array
     gain: PoseGain
     nodes: Indices
 
@@ -107,11 +108,16 @@ class FrameFit:
 
 
 def frame_fit(
-    shape: Array, weight: Array, pattern: Flags, cov: ReadingCov, own: Array | None = None
+    shape: Array,
+    weight: Array,
+    pattern: Flags,
+    cov: ReadingCov,
+    own: Array | None = None,
+    begin: Array | None = None,
 ) -> FrameFit | None:
     """The fit of frames that see the markers of a pattern; None where they do not fix a rotation.
 
-    weight (node,) of the rotation fit that begins; cov, own (node,): as for `fit_pose`.
+    weight (node,) of the rotation fit that begins; cov, own (node,), begin: as for `fit_pose`.
 
     >>> fit = frame_fit(np.eye(3), np.ones(3), np.ones(3, bool), ReadingCov.of(np.eye(9)))
     >>> fit_one(fit, np.eye(3) + 2.0)[0].round(9).tolist()
@@ -121,7 +127,8 @@ def frame_fit(
     if gain is None:
         return None
     # every marker counts in the start: those with mass need not fix the rotation where one of them is lost
-    return FrameFit(pattern, shape, weight + weight.max(), gain, np.flatnonzero(pattern))
+    begin = shape if begin is None else begin
+    return FrameFit(pattern, shape, weight + weight.max(), begin, gain, np.flatnonzero(pattern))
 
 
 def fit_one(fit: FrameFit, position: Array) -> tuple[Array, Array, Array]:
@@ -141,7 +148,8 @@ def fitted_poses(fit: FrameFit, position: Array, at: Indices) -> tuple[Array, Ar
     if compiled is None:
         return fitted_in_numpy(fit, position[at])
     A, C, _ = fit.gain
-    *found, arrived = compiled.fitted(position, at, fit.nodes, fit.shape, fit.start[fit.nodes], A, C)
+    start = fit.start[fit.nodes]
+    *found, arrived = compiled.fitted(position, at, fit.nodes, fit.shape, fit.begin, start, A, C)
     if len(hard := np.flatnonzero(arrived != 1)):
         for whole, part in zip(found, fitted_in_numpy(fit, position[at[hard]]), strict=True):
             whole[hard] = part
@@ -159,7 +167,7 @@ def chi_squares(residual: Array, pattern: Flags, noise: ReadingCov) -> Array:
 def fitted_in_numpy(fit: FrameFit, position: Array) -> tuple[Array, Array, Array, Array]:
     """`fitted`, of all frames at once, without chi_square."""
     pattern, shape, (A, C, _) = fit.pattern, fit.shape, fit.gain
-    center, R = fit_rotation(position, shape, fit.start)
+    center, R = begun(fit, position)
     levers = A.reshape(6, -1, 3)
     moving = np.arange(len(position))
     for step in range(ITERATIONS):  # Newton: a body that is strained turns about the shape that it has
@@ -184,20 +192,27 @@ def fitted_in_numpy(fit: FrameFit, position: Array) -> tuple[Array, Array, Array
     return center, R, turn @ own @ turn.swapaxes(1, 2), residual
 
 
+def begun(fit: FrameFit, position: Array) -> tuple[Array, Array]:
+    """Center (time, 3) and rotation (time, 3, 3) that the fit of frames (time, node, 3) begins with."""
+    center, R = fit_rotation(position, fit.begin, fit.start)
+    own = fit.start * fit.pattern
+    return center + R @ (own @ (fit.begin - fit.shape) / own.sum()), R
+
+
 def nearest_pose(fit: FrameFit, position: Array) -> tuple[Array, Array, Array]:
     """The pose that comes nearest to the fit of a frame (node, 3) that no pose meets, and what is left (6,).
 
     So where shapes bend markers so far that a turn undoes none of it. Nearest in standard deviations; what
     is left is an error of this pose, body axes, beside its covariance.
     """
-    (begun,), (turned,) = fit_rotation(position[None], fit.shape, fit.start)
+    (first,), (turned,) = begun(fit, position[None])
     A, C, _ = fit.gain
     std = np.sqrt(np.diagonal(C))
     size, axes = np.linalg.eigh(C / std / std[:, None])
     unit = (axes / np.sqrt(np.maximum(size, SINGLE))).T / std
 
     def pose(move: Array) -> tuple[Array, Array]:
-        return begun + turned @ move[:3], turned @ exp(move[3:])
+        return first + turned @ move[:3], turned @ exp(move[3:])
 
     def error(move: Array) -> Array:
         center, R = pose(move)

@@ -83,24 +83,25 @@ INLINE void largest(const Lanes *G, const Lanes &bound, Lanes *q) {
 }
 
 // center, rotation, covariance, residual of `frames`, and whether each has arrived. nodes: those that these frames
-// see, with shape (node, 3), start weight (node of nodes,), gain A (6, channel) and covariance C (6, 6).
-Poses fitted(Array position_, Index frames_, Index nodes_, Array shape_, Array weight_, Array A_, Array C_) {
+// see, with shape (node, 3), shape begin (node, 3) and weight (node of nodes,) of the fit that begins, gain A (6, channel) and covariance C (6, 6).
+Poses fitted(Array position_, Index frames_, Index nodes_, Array shape_, Array begin_, Array weight_, Array A_,
+             Array C_) {
   const Size frames = frames_.shape(0), N = shape_.shape(0);
   const int k = static_cast<int>(nodes_.shape(0));
   Out center_({frames, 3}), R_({frames, 3, 3}), cov_({frames, 6, 6}), residual_({frames, N, 3}), arrived_({frames});
   double *center = center_.data(), *R_out = R_.data(), *cov = cov_.data(), *residual = residual_.data(),
          *arrived = arrived_.data();
-  const double *position = position_.data(), *shape = shape_.data(), *A = A_.data(), *C = C_.data();
+  const double *position = position_.data(), *shape = shape_.data(), *begin = begin_.data(), *A = A_.data(), *C = C_.data();
   const Size *frame = frames_.data(), *node = nodes_.data();
   std::vector<double> w(weight_.data(), weight_.data() + k);
-  double total = 0.0, mean[3] = {}, spread = 0.0;
+  double total = 0.0, mean[3] = {}, middle[3] = {}, spread = 0.0;
   for (int i = 0; i < k; ++i) {
     total += w[i];
-    for (int a = 0; a < 3; ++a) mean[a] += w[i] * shape[3 * node[i] + a];
+    for (int a = 0; a < 3; ++a) mean[a] += w[i] * shape[3 * node[i] + a], middle[a] += w[i] * begin[3 * node[i] + a];
   }
-  for (double &v : mean) v /= total;
+  for (int a = 0; a < 3; ++a) mean[a] /= total, middle[a] /= total;
   for (int i = 0; i < k; ++i)
-    for (int a = 0; a < 3; ++a) spread += w[i] * std::pow(shape[3 * node[i] + a] - mean[a], 2);
+    for (int a = 0; a < 3; ++a) spread += w[i] * std::pow(begin[3 * node[i] + a] - middle[a], 2);
   std::vector<Lanes, Aligned<Lanes>> x(3 * k), e(3 * k);
   for (Size first = 0; first < frames; first += LANES) {
     const double *at[LANES];
@@ -117,7 +118,7 @@ Poses fitted(Array position_, Index frames_, Index nodes_, Array shape_, Array w
       for (int a = 0; a < 3; ++a) {
         const Lanes rho = w[i] * (x[3 * i + a] - c[a]);
         bound += rho * (x[3 * i + a] - c[a]);
-        for (int b = 0; b < 3; ++b) G[3 * a + b] += rho * (shape[3 * node[i] + b] - mean[b]);
+        for (int b = 0; b < 3; ++b) G[3 * a + b] += rho * (begin[3 * node[i] + b] - middle[b]);
       }
     largest(G, 0.5 * (bound + spread), q);
     rotation(q, R);

@@ -120,7 +120,7 @@ def beyond_rigid(time: Array, position: Array, kin: Kinematics, group: Flags | N
     if (weight > 0).sum() < 4:
         weight = kept.astype(float)
     x, shape = position[:, kept], kin.shape[kept]
-    residual = body_axes(x, *fit_rotation(x, shape, weight[kept])) - shape
+    residual = body_axes(x, *fit_rotation(x, kin.gauge[kept], weight[kept])) - shape
     U = bases_beside(summation_operator(shape), SOLVED)[1]
     return Beyond(time, residual.reshape(len(x), -1) @ U, U, kept, kin.noise["position"] ** 2)
 

@@ -119,6 +119,12 @@ class Kinematics:
         return self.shared.beside(np.einsum("taa->t", self.counted_cov[:, :3, :3]) / 3)
 
     @property
+    def gauge(self) -> Array:
+        """The shape (node, 3) m that rotations are fitted to: the mean one, unless that hardly holds them."""
+        m = self.markers
+        return self.shape if m is None or m.gauge is m.shape else m.gauge
+
+    @property
     def deforms(self) -> bool:
         """Whether the poses allow for a deformation, in shapes or beside them."""
         return bool(len(self.shapes)) or (self.beside is not None and bool(self.beside.size))
@@ -175,7 +181,8 @@ def at_level(markers: MarkerSet, settings: Settings) -> Kinematics:
     # a body that does not deform needs no bridges: the markers that a frame shows fix its pose
     observed, own = (x, markers.filled) if len(shapes) else (measured, None)
     beyond = uneven(markers.root)
-    pose = fit_pose(observed, shape, weight, white.beside(often * deforming), own, beyond)
+    begin = markers.gauge if len(shapes) else shape
+    pose = fit_pose(observed, shape, weight, white.beside(often * deforming), own, beyond, begin)
     loose = var if found.elastic is not None else None
     q, q_var = fit_amplitudes(
         pose.residual, shapes, summation_operator(shape), white.beside(rest), own, loose

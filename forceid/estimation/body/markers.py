@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from forceid.errors import DataError
+from forceid.estimation.body.deforming.gauge import well_held
 from forceid.estimation.body.deforming.modes import (
     Modes,
     deflected_shape,
@@ -42,9 +43,10 @@ class MarkerSet:
     (node, 3) m: the reference shape about the mass center; seen (node,): nodes that carry a marker; root
     (3, 3) m: of the covariance of the noise of a reading, world axes, stated: whether the user stated it;
     mean: the mass center where it is a mean of markers; oriented: whether they fix a rotation. Where they do:
-    weight (node,): of the rotation fit, whose gauge is that of the residuals; modes: that the body brings;
-    shape (node, 3) m: the mean shape; residual (time, node, 3) m, body axes, of the frames that show best.
-    known: what known loads do along the motion; inside ([time,] 3): angular momentum of what turns inside.
+    weight (node,): of the rotation fit, and gauge (node, 3) m: what it is fitted to, whose gauge is that of
+    the residuals; modes: that the body brings; shape (node, 3) m: the mean shape; residual (time, node, 3)
+    m, body axes, of the frames that show best. known: what known loads do along the motion; inside ([time,]
+    3): angular momentum of what turns inside.
     """
 
     body: Body
@@ -63,6 +65,7 @@ class MarkerSet:
     weight: Array
     modes: Modes | None
     shape: Array
+    gauge: Array
     residual: Array
     known: KnownPart | None
     inside: Array
@@ -114,18 +117,21 @@ def markers_of(body: Body, motion: Motion, noise: dict[str, Array], stated: bool
     mean = tracked_mass_center(motion, inertia, sigma**2)
     massive = seen & (inertia.weight > 0)
     weight = inertia.weight * seen if massive.any() and rank_of(X, massive) == 6 else seen.astype(float)
-    oriented, modes, shape, residual = observed_rank(X, seen, sigma) == 6, None, X, x[:0]
+    oriented, modes, shape, gauge, residual = observed_rank(X, seen, sigma) == 6, None, X, X, x[:0]
     if oriented:
         modes = None if thin.on_line or thin.point else modes_of(body, inertia)
         var = np.where(best[..., 0], filled, 0.0).sum(0) / best.sum()
         told = x if best.all() else np.where(best, x, np.nan)
         shape = spinning_shape(motion.time, told, X, inertia, modes, weight, sigma, var)
-        # in the gauge of the weights, before any marker's noise is weighed
-        residual = body_axes(told, *fit_rotation(x, shape, weight))
+        gauge = shape
+        if modes is None and inertia.nodal is not None:  # shapes are found, and bend as far as the body does
+            gauge, shape = in_gauge(told, shape, weight)
+        # in that gauge, before any marker's noise is weighed
+        residual = body_axes(told, *fit_rotation(x, gauge, weight))
         residual -= shape
     return MarkerSet(
         body, motion.time, x, filled, measured, inertia, thin, X, seen, root, stated, mean, oriented, weight,
-        modes, shape, residual, motion.known, momentum_inside(body, motion),
+        modes, shape, gauge, residual, motion.known, momentum_inside(body, motion),
     )  # fmt: skip
 
 
@@ -199,6 +205,18 @@ def spinning_shape(
     if modes is None or inertia.nodal is None or not hidden.any():
         return shape
     return deflected_shape(time, x, X, modes, inertia.nodal, weight, sigma**2)
+
+
+def in_gauge(x: Array, shape: Array, weight: Array) -> tuple[Array, Array]:
+    """What rotations are fitted to, and the mean shape, both (node, 3) m, of tracks x (time, node, 3) m."""
+    gauge = well_held(x, shape, weight)
+    if gauge is shape:
+        return shape, shape
+    center, R = fit_rotation(x, gauge, weight)
+    mean, seen = shape.copy(), np.flatnonzero(all_finite(x).any(0))
+    mean[seen] = np.nanmean(body_axes(x, center, R)[:, seen], axis=0)
+    turn = fit_rotation(mean[None], shape, weight)[1][0]  # the axes stay those of the reference shape
+    return gauge @ turn, mean @ turn
 
 
 def modes_of(body: Body, inertia: Inertia) -> Modes | None:
