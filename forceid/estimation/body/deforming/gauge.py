@@ -4,7 +4,7 @@ A rotation fitted to a shape X turns a frame until sum m X x y = 0, y its nodes 
 That holds it by the stiffness K = sum m ((X . y) I - y X^T). Where a body bends until K loses rank, the
 axes slip by half a turn within a few frames, and all amplitudes with them, though the body moves smoothly.
 Which X is taken is a gauge: momentum and angular momentum are the same in each. So it may be one that holds
-every frame well. Source: principal equations 2.5; theory of one model 2.
+every frame well. Source: principal equations 2.5, 4b.
 """
 
 from __future__ import annotations
