@@ -20,6 +20,7 @@ from forceid.flight.tuning import LEAK, ORDERS, in_doubt, natural, points_of, sm
 from forceid.flight.whittle import Spectrum, is_even, ordinates
 from forceid.kalman.building.lines import Line
 from forceid.kalman.engines import Engine
+from forceid.kalman.model import expand
 from forceid.records import Array, Flags
 from forceid.significance import OUTLIER, PATIENCE
 
@@ -140,7 +141,10 @@ class BodySearch:
         along = self.under(kernel).axes_along(self.rotation)
         model = channel_model(channel, self.under(kernel), self.rotation)
         filtered = self.engine.filter(model, channel.moved)
-        ticks, v = on_clock(clock, np.einsum("tba,tb->ta", along, filtered.innovation))
+        # the root that whitens is any; the symmetric one of the axes of the body turns with them
+        W = expand(filtered.gains.W, filtered.gains.start, filtered.gains.time)
+        U, _, Vt = np.linalg.svd(W @ along)
+        ticks, v = on_clock(clock, np.einsum("tba,tb->ta", U @ Vt, filtered.innovation))
         seen: Flags = np.asarray(np.isfinite(v).all(1))
         v = np.where(seen[:, None], np.clip(v, -OUTLIER, OUTLIER), 0.0).T
         at = ordinates(len(ticks), float(np.ptp(ticks)) / (len(ticks) - 1), channel.color)
