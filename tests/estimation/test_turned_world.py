@@ -16,7 +16,7 @@ SAME = 1e-5  # of a standard deviation: rounding, ten times over
 
 @pytest.mark.parametrize("scene", ["flexible_boomerang_5_markers", "top"])
 def test_a_world_that_is_turned_turns_force_and_moment(scene):
-    """No line among their loads: a line is sought along axes of the laboratory, where what acts in one stands."""
+    """Of loads without lines: these are sought along axes of the laboratory, where supports stand."""
     recording = read_motion(f"data/synthetic/{scene}.h5")
     motion = recording.motion
     turned = replace(motion, position=motion.position @ TURN.T, gravity=TURN @ motion.gravity)
