@@ -167,7 +167,7 @@ def chi_squares(residual: Array, pattern: Flags, noise: ReadingCov) -> Array:
 def fitted_in_numpy(fit: FrameFit, position: Array) -> tuple[Array, Array, Array, Array]:
     """`fitted`, of all frames at once, without chi_square."""
     pattern, shape, (A, C, _) = fit.pattern, fit.shape, fit.gain
-    center, R = begun(fit, position)
+    center, R = first_poses(fit, position)
     levers = A.reshape(6, -1, 3)
     moving = np.arange(len(position))
     for step in range(ITERATIONS):  # Newton: a body that is strained turns about the shape that it has
@@ -192,7 +192,7 @@ def fitted_in_numpy(fit: FrameFit, position: Array) -> tuple[Array, Array, Array
     return center, R, turn @ own @ turn.swapaxes(1, 2), residual
 
 
-def begun(fit: FrameFit, position: Array) -> tuple[Array, Array]:
+def first_poses(fit: FrameFit, position: Array) -> tuple[Array, Array]:
     """Center (time, 3) and rotation (time, 3, 3) that the fit of frames (time, node, 3) begins with."""
     center, R = fit_rotation(position, fit.begin, fit.start)
     own = fit.start * fit.pattern
@@ -205,7 +205,7 @@ def nearest_pose(fit: FrameFit, position: Array) -> tuple[Array, Array, Array]:
     So where shapes bend markers so far that a turn undoes none of it. Nearest in standard deviations; what
     is left is an error of this pose, body axes, beside its covariance.
     """
-    (first,), (turned,) = begun(fit, position[None])
+    (first,), (turned,) = first_poses(fit, position[None])
     A, C, _ = fit.gain
     std = np.sqrt(np.diagonal(C))
     size, axes = np.linalg.eigh(C / std / std[:, None])

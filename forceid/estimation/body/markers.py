@@ -125,7 +125,7 @@ def markers_of(body: Body, motion: Motion, noise: dict[str, Array], stated: bool
         shape = spinning_shape(motion.time, told, X, inertia, modes, weight, sigma, var)
         gauge = shape
         if modes is None and inertia.nodal is not None:  # shapes are found, and bend as far as the body does
-            gauge, shape = in_gauge(told, shape, weight)
+            gauge, shape = gauge_and_mean(told, shape, weight)
         # in that gauge, before any marker's noise is weighed
         residual = body_axes(told, *fit_rotation(x, gauge, weight))
         residual -= shape
@@ -207,7 +207,7 @@ def spinning_shape(
     return deflected_shape(time, x, X, modes, inertia.nodal, weight, sigma**2)
 
 
-def in_gauge(x: Array, shape: Array, weight: Array) -> tuple[Array, Array]:
+def gauge_and_mean(x: Array, shape: Array, weight: Array) -> tuple[Array, Array]:
     """What rotations are fitted to, and the mean shape, both (node, 3) m, of tracks x (time, node, 3) m."""
     gauge = well_held(x, shape, weight)
     if gauge is shape:
