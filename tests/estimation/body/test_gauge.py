@@ -90,6 +90,13 @@ def test_a_body_that_hardly_bends_keeps_its_mean_shape(seed):
     assert well_held(bent, X, mass) is X
 
 
+def test_frames_that_hold_no_rotation_to_the_last_digit_are_passed_over():
+    X = np.concatenate([np.eye(3), -np.eye(3)])
+    x = np.stack([X] * 20)
+    x[7:9] *= [1, 1, -1]
+    assert np.isfinite(well_held(x, X, np.ones(6))).all()
+
+
 def test_axes_that_slip_are_held():
     """Of twenty drawn bodies that bend by a turn: from frame to frame, beside the faster link."""
     slipped, held = [], []

@@ -69,7 +69,9 @@ def slip(X: Array, rho: Array, m: Array, least: Array) -> tuple[float, Array]:
     y = rho @ fit_rotation(rho, X, m)[1]
     G = moments(np.einsum("n,na,nb->ab", m, X, X))
     K = moments(np.einsum("n,tna,nb->tab", m, y, X))
-    L = np.linalg.inv(0.5 * (K + K.mT))
+    size, axes = np.linalg.eigh(0.5 * (K + K.mT))
+    least_hold = SOLVED * np.abs(size).max(1, keepdims=True)  # of a frame that is mirrored to the last digit
+    L = (axes / np.where(np.abs(size) > least_hold, size, least_hold)[:, None]) @ axes.mT
     c = np.einsum("tab,tba->t", L @ G, L) / least
     part = c / least / (c**2).sum()
     # a change of X changes G, and K in two ways: by itself, and as the fit turns y by K^-1 sum m dX x y
